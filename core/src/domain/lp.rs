@@ -1,0 +1,1 @@
+//! RTI `.lp` files: a count, then `file x y z` a line.

@@ -1,0 +1,142 @@
+//! Distant light as a lat-long map of radiance, piecewise constant over its texels.
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::image::{Encoding, Image, read};
+use crate::math::{Vec3, latlong};
+
+/// What stands in the middle column of a map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MapCentre {
+    /// +z, from the object towards the camera (OpenEXR's layout in the stage frame).
+    #[default]
+    Front,
+    /// -z, as the camera sees the surroundings past the object (Nuke's habit).
+    Behind,
+}
+
+/// Radiance from every direction: a lat-long map in linear RGB, laid out as [`latlong`] says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EnvMap {
+    image: Image,
+}
+
+impl EnvMap {
+    /// Takes a lat-long picture; alpha is dropped.
+    ///
+    /// # Errors
+    /// An empty picture, or NaN or infinity in it.
+    pub fn new(image: Image) -> Result<Self> {
+        let image = image.into_rgb();
+        if image.width() == 0 || image.height() == 0 {
+            return Err(Error::invalid("environment map", "no pixels", "at least one"));
+        }
+        if let Some(at) = image.data().iter().position(|v| !v.is_finite()) {
+            let (pixel, channel) = (at / 3, ["red", "green", "blue"][at % 3]);
+            let place =
+                format!("environment map, pixel ({}, {}), {channel}", pixel % image.width(), pixel / image.width());
+            return Err(Error::invalid(place, image.data()[at].to_string(), "a finite number"));
+        }
+        Ok(Self { image })
+    }
+
+    /// Reads a map from a file ([`read`] decides the encoding by its type).
+    ///
+    /// # Errors
+    /// As [`read`].
+    pub fn load(path: &Path) -> Result<Self> {
+        Self::new(read(path, Encoding::Auto)?)
+    }
+
+    /// A map computed from directions at texel centres: `f(direction)` gives radiance.
+    pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(&Vec3) -> [f32; 3]) -> Self {
+        let at = |i: usize, j: usize| latlong::direction(i as f64 + 0.5, j as f64 + 0.5, width, height);
+        Self { image: Image::from_fn(width, height, |i, j| f(&at(i, j))) }
+    }
+
+    /// The six-pole chart: a disc of 30 degrees about each axis on black. +x red, -x cyan, +y green, -y magenta, +z
+    /// (towards the camera) blue, -z yellow. `presets/charts/six-poles.hdr` holds it as a file.
+    pub fn six_poles(width: usize, height: usize) -> Self {
+        let poles = [
+            (Vec3::x(), [1.0, 0.0, 0.0]),
+            (-Vec3::x(), [0.0, 1.0, 1.0]),
+            (Vec3::y(), [0.0, 1.0, 0.0]),
+            (-Vec3::y(), [1.0, 0.0, 1.0]),
+            (Vec3::z(), [0.0, 0.0, 1.0]),
+            (-Vec3::z(), [1.0, 1.0, 0.0]),
+        ];
+        let inside = 15f64.to_radians().cos();
+        Self::from_fn(width, height, |d| poles.iter().find(|(axis, _)| axis.dot(d) >= inside).map_or([0.0; 3], |p| p.1))
+    }
+
+    /// The picture, W x H x 3.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
+    /// Radiance of the texel that a unit direction falls in.
+    pub fn radiance(&self, direction: &Vec3) -> [f32; 3] {
+        let (w, h) = self.image.size();
+        let (u, v) = latlong::coordinates(direction, w, h);
+        let pixel = self.image.pixel((u as usize).min(w - 1), (v as usize).min(h - 1));
+        [pixel[0], pixel[1], pixel[2]]
+    }
+
+    /// The map in the stage frame: its centre column put where `centre` says, then turned by `heading_deg` about +y,
+    /// right-handed (light from +z moves to +x).
+    ///
+    /// Turning carries a piecewise constant map onto another by averaging over the new texels: a shift of a whole number
+    /// of columns, and for the rest a blend of two neighbours. Energy is kept exactly.
+    pub fn oriented(&self, centre: MapCentre, heading_deg: f64) -> Self {
+        let (w, h) = self.image.size();
+        // Turning by +heading adds to lon, and lon falls with i: content moves to smaller i.
+        let behind = if centre == MapCentre::Behind { 0.5 } else { 0.0 };
+        let shift = ((heading_deg / 360.0 + behind) * w as f64).rem_euclid(w as f64);
+        let (whole, part) = (shift.floor() as usize % w, (shift - shift.floor()) as f32);
+        let image = Image::from_fn(w, h, |i, j| {
+            let (a, b) = (self.image.pixel((i + whole) % w, j), self.image.pixel((i + whole + 1) % w, j));
+            std::array::from_fn(|c| (1.0 - part) * a[c] + part * b[c])
+        });
+        Self { image }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rotate_heading;
+
+    #[test]
+    fn a_quarter_turn_carries_the_blue_pole_to_the_right() {
+        let map = EnvMap::six_poles(64, 32);
+        let turned = map.oriented(MapCentre::Front, 90.0);
+        assert_eq!(turned.radiance(&Vec3::x()), [0.0, 0.0, 1.0]);
+        assert_eq!(turned.radiance(&-Vec3::z()), [1.0, 0.0, 0.0]);
+        assert_eq!(turned.radiance(&Vec3::y()), [0.0, 1.0, 0.0]);
+        let behind = map.oriented(MapCentre::Behind, 0.0);
+        assert_eq!(behind.radiance(&-Vec3::z()), [0.0, 0.0, 1.0]);
+        assert_eq!(behind.radiance(&-Vec3::x()), [1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn turning_agrees_with_turning_directions() {
+        let map = EnvMap::from_fn(360, 180, |d| [(d.x + 1.5) as f32, (d.y + 1.5) as f32, (d.z + 1.5) as f32]);
+        let turned = map.oriented(MapCentre::Front, 33.37);
+        for d in [Vec3::new(0.3, 0.2, 0.7), Vec3::new(-0.5, -0.6, 0.1), Vec3::new(0.2, 0.9, -0.9)] {
+            let d = d.normalize();
+            let (a, b) = (turned.radiance(&rotate_heading(&d, 33.37f64.to_radians())), map.radiance(&d));
+            for c in 0..3 {
+                assert!((a[c] - b[c]).abs() < 0.02, "{a:?} is not {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn nan_is_refused_with_its_pixel() {
+        let mut image = Image::new(4, 2, 3);
+        image.pixel_mut(2, 1)[1] = f32::NAN;
+        let message = EnvMap::new(image).unwrap_err().to_string();
+        assert!(message.contains("(2, 1)") && message.contains("green"), "{message}");
+    }
+}

@@ -1,0 +1,1 @@
+//! A virtual stage: a path tracer that returns rows of `T`.
