@@ -155,8 +155,7 @@ impl Grid<'_> {
         let (columns, side) = (self.width * self.cut, 1.0 / self.cut as f64);
         let mut entries = Vec::with_capacity(self.width * 2);
         let mut shares: Vec<Shares> = vec![Vec::new(); self.width];
-        let regions_at =
-            |v: f64| -> Vec<u32> { (0..columns).map(|i| self.region(&self.direction(i as f64 * side, v))).collect() };
+        let regions_at = |v: f64| -> Vec<u32> { (0..columns).map(|i| self.region(i as f64 * side, v)).collect() };
         let mut upper = regions_at(j as f64);
         for k in 0..self.cut {
             let v = j as f64 + k as f64 * side;
