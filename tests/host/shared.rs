@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::log::{Message, Rule, Violation};
@@ -20,7 +20,6 @@ pub struct Shared {
     pub persistent: Mutex<BTreeMap<usize, Message>>,
     pub timeline: Mutex<f64>,
     pub abort: AtomicBool,
-    pub mutexes: AtomicUsize,
     pub progress: Mutex<HashMap<usize, usize>>,
 }
 
@@ -41,7 +40,6 @@ impl Shared {
             memory: Mutex::default(),
             persistent: Mutex::default(),
             abort: AtomicBool::new(false),
-            mutexes: AtomicUsize::new(0),
             progress: Mutex::default(),
         });
         let mut hosts = lock(&HOSTS);

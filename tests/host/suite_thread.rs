@@ -2,7 +2,6 @@
 
 use std::cell::Cell;
 use std::ffi::{c_int, c_uint, c_void};
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::{self, ThreadId};
 
@@ -131,7 +130,6 @@ unsafe extern "C" fn mutex_create(out: *mut OfxMutexHandle, locks: c_int) -> Ofx
     let found = with_current(|scope| Arc::clone(&scope.shared)).ok_or(kOfxStatFailed).map(|shared| {
         let mutex = Arc::new(HostMutex::default());
         (0..locks).for_each(|_| assert!(mutex.lock(true), "a mutex nobody else has"));
-        shared.mutexes.fetch_add(1, Ordering::Relaxed);
         register(&shared, Object::Mutex(mutex)) as OfxMutexHandle
     });
     // SAFETY: the plugin's variable, as the standard demands.
