@@ -1,2 +1,4 @@
-//! x
-fn main() {}
+//! The one integration test binary.
+
+mod host_self;
+mod plugin;
