@@ -1,5 +1,6 @@
 //! Distant light as a lat-long map of radiance, piecewise constant over its texels.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use crate::error::{Error, Result};
@@ -83,6 +84,29 @@ impl EnvMap {
         [pixel[0], pixel[1], pixel[2]]
     }
 
+    /// The map averaged down to at most `widest` columns (and half as many rows), each new texel the mean radiance of what it
+    /// covers, weighted by solid angle; energy is kept to rounding. A map that is small enough is borrowed.
+    pub fn reduced(&self, widest: usize) -> Cow<'_, Self> {
+        let (w, h) = self.image.size();
+        let (new_w, new_h) = (w.min(widest), h.min((widest / 2).max(1)));
+        if (new_w, new_h) == (w, h) {
+            return Cow::Borrowed(self);
+        }
+        let columns = overlaps(w, new_w, |u| u / w as f64);
+        let rows = overlaps(h, new_h, |v| -latlong::band_solid_angle(v, h as f64, h));
+        let image = Image::from_fn(new_w, new_h, |i, j| {
+            let mut sum = [0.0f64; 3];
+            for &(y, row_share) in &rows[j] {
+                for &(x, column_share) in &columns[i] {
+                    let pixel = self.image.pixel(x, y);
+                    (0..3).for_each(|c| sum[c] += row_share * column_share * f64::from(pixel[c]));
+                }
+            }
+            sum.map(|v| v as f32)
+        });
+        Cow::Owned(Self { image })
+    }
+
     /// The map in the stage frame: its centre column put where `centre` says, then turned by `heading_deg` about +y,
     /// right-handed (light from +z moves to +x).
     ///
@@ -100,6 +124,19 @@ impl EnvMap {
         });
         Self { image }
     }
+}
+
+/// For each of `new` equal parts of 0..`old`: the old parts it overlaps, and their shares of it, which sum to one.
+/// `measure(position)` grows with the size of what lies before a position.
+fn overlaps(old: usize, new: usize, measure: impl Fn(f64) -> f64) -> Vec<Vec<(usize, f64)>> {
+    let edge = |n: usize| n as f64 * old as f64 / new as f64;
+    let part = |n: usize| {
+        let (start, end) = (edge(n), edge(n + 1));
+        let whole = measure(end) - measure(start);
+        let share = |k: usize| (measure(end.min(k as f64 + 1.0)) - measure(start.max(k as f64))) / whole;
+        (start as usize..(end.ceil() as usize).min(old)).map(|k| (k, share(k))).collect()
+    };
+    (0..new).map(part).collect()
 }
 
 #[cfg(test)]
@@ -130,6 +167,22 @@ mod tests {
                 assert!((a[c] - b[c]).abs() < 0.02, "{a:?} is not {b:?}");
             }
         }
+    }
+
+    #[test]
+    fn reducing_keeps_energy() {
+        let map = EnvMap::from_fn(300, 151, |d| [(1.0 + d.x * d.y) as f32, d.z.abs() as f32, (d.y > 0.9) as u8 as f32]);
+        let energy = |m: &EnvMap, c: usize| -> f64 {
+            let (w, h) = m.image().size();
+            let row = |j: usize| m.image().row(j).chunks(3).map(|p| f64::from(p[c])).sum::<f64>();
+            (0..h).map(|j| row(j) * latlong::texel_solid_angle(j, w, h)).sum()
+        };
+        let small = map.reduced(64);
+        assert_eq!(small.image().size(), (64, 32));
+        for c in 0..3 {
+            assert!((energy(&small, c) / energy(&map, c) - 1.0).abs() < 1e-6);
+        }
+        assert_eq!(map.reduced(300).image().size(), (300, 150));
     }
 
     #[test]

@@ -1,0 +1,140 @@
+//! A folder of one-light-at-a-time photographs with its `.lp` file -> a container.
+//!
+//! `T_j = (photo_j - S) / E_j` (design conventions: transport is the response to unit irradiance).
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::Photographs;
+use crate::domain::{Directions, lp};
+use crate::error::{Error, Result};
+use crate::field::{Contents, Precision, write};
+use crate::files::folder_of;
+use crate::image::{Encoding, Image, probe_size, read};
+
+/// What to import, and how.
+#[derive(Debug, Clone)]
+pub struct ImportLp {
+    /// The `.lp` file; photographs are found relative to it.
+    pub lp: PathBuf,
+    /// How the photographs' numbers become light.
+    pub encoding: Encoding,
+    /// The photograph with every lamp off: subtracted, and kept as ambient `S`.
+    pub black: Option<PathBuf>,
+    /// A picture of the object's coverage (its mean over the channels, taken as it is stored, without a curve).
+    pub alpha: Option<PathBuf>,
+    /// E: the irradiance of every lamp on a patch facing it. pi makes a white diffuser facing the lamp photograph as 1.
+    pub irradiance: f32,
+    /// How `T` is stored.
+    pub precision: Precision,
+    /// What to do with vectors that are not of unit length.
+    pub lengths: lp::Lengths,
+}
+
+/// What an import made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Imported {
+    /// Photographs.
+    pub lamps: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl ImportLp {
+    /// Reads, checks and writes. `progress(photographs done, all)` may stop it with an error. Memory: about 2 GB beyond
+    /// which photographs are spilled beside `output`.
+    ///
+    /// # Errors
+    /// Each names its file: a bad `.lp`, a photograph that is missing, unreadable or of another size, a folder that is
+    /// absent or full. Nothing is left behind.
+    pub fn run(&self, output: &Path, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Imported> {
+        if !(self.irradiance.is_finite() && self.irradiance > 0.0) {
+            return Err(Error::invalid("irradiance", self.irradiance.to_string(), "a positive number"));
+        }
+        let lp = lp::read(&self.lp, self.lengths)?;
+        let (width, height) = self.check_sizes(&lp)?;
+        let black = self.black.as_deref().map(|path| self.photograph(path)).transpose()?;
+        let alpha = self.alpha.as_deref().map(coverage).transpose()?;
+        let domain = Directions::new(lp.directions)?;
+        let mut photographs = Photographs::new(width, height, folder_of(output));
+        let total = lp.photographs.len() as u64;
+        // As many at a time as there are threads: their order stays, memory stays bounded.
+        for group in lp.photographs.chunks(rayon::current_num_threads()) {
+            let pictures: Vec<Result<Image>> =
+                group.par_iter().map(|path| self.transport(path, black.as_ref())).collect();
+            for picture in pictures {
+                photographs.push(picture?)?;
+            }
+            progress(photographs.len() as u64, total)?;
+        }
+        let contents = Contents {
+            irradiance: vec![self.irradiance; domain.len()],
+            domain,
+            width,
+            height,
+            precision: self.precision,
+            largest: photographs.largest(),
+            ambient: black,
+            alpha,
+            provenance: self.provenance(&lp.photographs),
+        };
+        write(output, &contents, &mut photographs)?;
+        Ok(Imported { lamps: photographs.len(), width, height })
+    }
+
+    /// Looks at every header first, so that a mistake in the last file does not cost an hour.
+    fn check_sizes(&self, lp: &lp::Lp) -> Result<(usize, usize)> {
+        let first = &lp.photographs[0];
+        let size = probe_size(first)?;
+        let others = lp.photographs.iter().skip(1).chain(&self.black).chain(&self.alpha);
+        for path in others {
+            let other = probe_size(path)?;
+            if other != size {
+                let expected = format!("{} x {} pixels, as {} has", size.0, size.1, first.display());
+                return Err(Error::invalid(
+                    path.display().to_string(),
+                    format!("{} x {} pixels", other.0, other.1),
+                    expected,
+                ));
+            }
+        }
+        Ok(size)
+    }
+
+    fn photograph(&self, path: &Path) -> Result<Image> {
+        Ok(read(path, self.encoding)?.into_rgb())
+    }
+
+    /// `(photo - S) / E`.
+    fn transport(&self, path: &Path, black: Option<&Image>) -> Result<Image> {
+        let mut picture = self.photograph(path)?;
+        if let Some(black) = black {
+            picture.data_mut().iter_mut().zip(black.data()).for_each(|(t, s)| *t -= s);
+        }
+        let per_irradiance = 1.0 / self.irradiance;
+        picture.data_mut().iter_mut().for_each(|t| *t *= per_irradiance);
+        Ok(picture)
+    }
+
+    fn provenance(&self, photographs: &[PathBuf]) -> serde_json::Value {
+        let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        serde_json::json!({
+            "source": "import lp",
+            "lp": name(&self.lp),
+            "encoding": format!("{:?}", self.encoding).to_lowercase(),
+            "black": self.black.as_deref().map(name),
+            "alpha": self.alpha.as_deref().map(name),
+            "photographs": photographs.iter().map(|path| name(path)).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// A coverage from a picture: numbers as stored, mean over the channels, clamped to 0..1.
+fn coverage(path: &Path) -> Result<Vec<f32>> {
+    let picture = read(path, Encoding::Linear)?;
+    let mean = |pixel: &[f32]| (pixel[..3].iter().sum::<f32>() / 3.0).clamp(0.0, 1.0);
+    Ok(picture.data().chunks_exact(picture.channels()).map(mean).collect())
+}

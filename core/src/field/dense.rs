@@ -1,0 +1,129 @@
+//! `Dense`: one coefficient picture per element of a projection, in blocks.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::manifest::Precision;
+use super::store::{Scratch, Store};
+use crate::error::Result;
+use crate::image::Window;
+
+/// Columns of a block.
+pub const BLOCK_WIDTH: usize = 16;
+/// Rows of a block.
+pub const BLOCK_HEIGHT: usize = 8;
+/// Pixels of a block: 128 accumulators are 8 AVX-512 registers.
+pub const BLOCK_PIXELS: usize = BLOCK_WIDTH * BLOCK_HEIGHT;
+/// Red, green, blue.
+pub(super) const CHANNELS: usize = 3;
+
+/// Sizes of a dense field, and where its blocks lie: `[block y, block x, channel, element, 8, 16]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Columns of the pictures.
+    pub width: usize,
+    /// Rows of the pictures.
+    pub height: usize,
+    /// Elements, e.g. lamps.
+    pub elements: usize,
+}
+
+impl Layout {
+    /// Blocks in a row of them.
+    pub fn columns(&self) -> usize {
+        self.width.div_ceil(BLOCK_WIDTH)
+    }
+
+    /// Rows of blocks.
+    pub fn rows(&self) -> usize {
+        self.height.div_ceil(BLOCK_HEIGHT)
+    }
+
+    /// The shape of the array.
+    pub fn shape(&self) -> [usize; 6] {
+        [self.rows(), self.columns(), CHANNELS, self.elements, BLOCK_HEIGHT, BLOCK_WIDTH]
+    }
+
+    /// Numbers in one block of one channel: its elements x 128.
+    pub fn block_len(&self) -> usize {
+        self.elements * BLOCK_PIXELS
+    }
+
+    /// Numbers in the whole array, or `None` where that exceeds 64 bits.
+    pub fn len(&self) -> Option<u64> {
+        self.shape().iter().try_fold(1u64, |product, &n| product.checked_mul(n as u64))
+    }
+
+    /// No element?
+    pub fn is_empty(&self) -> bool {
+        self.elements == 0
+    }
+
+    /// The blocks that a window touches: (columns, rows).
+    pub fn blocks(&self, window: Window) -> (Range<usize>, Range<usize>) {
+        let columns = window.x0 / BLOCK_WIDTH..window.x1.div_ceil(BLOCK_WIDTH);
+        let rows = window.y0 / BLOCK_HEIGHT..window.y1.div_ceil(BLOCK_HEIGHT);
+        (columns, rows)
+    }
+}
+
+/// A dense field in an open container.
+#[derive(Debug, Clone)]
+pub struct Dense {
+    pub(super) store: Arc<Store>,
+    /// Byte of the file where the numbers start; a multiple of 64.
+    pub(super) start: u64,
+    pub(super) layout: Layout,
+    pub(super) precision: Precision,
+    pub(super) scale: f32,
+}
+
+/// The numbers of one block of one channel: `[element][8][16]`.
+#[derive(Debug, Clone, Copy)]
+pub enum Block<'a> {
+    /// Bit patterns of halves.
+    Half(&'a [half::f16]),
+    /// Floats.
+    Float(&'a [f32]),
+}
+
+/// Room for a block where the file is read, not mapped.
+#[derive(Debug, Default)]
+pub struct BlockBuffer(Scratch);
+
+impl Dense {
+    /// Sizes.
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// The file it lies in.
+    pub fn path(&self) -> &std::path::Path {
+        self.store.path()
+    }
+
+    /// How numbers are stored.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// A power of two: T = stored x scale.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// The block in column `bx`, row `by`, of channel `c`, as one contiguous stream.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read.
+    pub fn block<'a>(&'a self, bx: usize, by: usize, c: usize, buffer: &'a mut BlockBuffer) -> Result<Block<'a>> {
+        let index = (by * self.layout.columns() + bx) * CHANNELS + c;
+        let length = self.layout.block_len() * self.precision.bytes();
+        let bytes = self.store.get(self.start + index as u64 * length as u64, length, &mut buffer.0)?;
+        // Numbers are aligned: the map starts at a page, `start` was checked, a block is a multiple of 64 bytes.
+        Ok(match self.precision {
+            Precision::Half => Block::Half(bytemuck::cast_slice(bytes)),
+            Precision::Float => Block::Float(bytemuck::cast_slice(bytes)),
+        })
+    }
+}

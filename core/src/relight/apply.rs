@@ -1,0 +1,113 @@
+//! The loop over blocks.
+
+use rayon::prelude::*;
+
+use super::Weights;
+use super::kernels::{self, Isa, Sums};
+use crate::error::{Error, Result};
+use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense};
+use crate::image::{Image, Window};
+
+/// `T L` for several illuminations at once: one picture of the window's size (RGB) per set of weights. The field is
+/// streamed once whatever their number; each picture is the same as if it were made alone.
+///
+/// Cost: reads `window x elements x 3` numbers; rows of blocks are spread over the current rayon threads, and the result
+/// does not depend on their number.
+///
+/// # Errors
+/// Weights that do not fit the field, a window outside the picture, bytes that cannot be read, NaN in the field.
+pub fn apply(dense: &Dense, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
+    let layout = dense.layout();
+    if let Some(wrong) = weights.iter().find(|w| w.rgb.len() != layout.elements) {
+        let found = format!("{} weights", wrong.rgb.len());
+        return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
+    }
+    if window.x1 > layout.width || window.y1 > layout.height {
+        let expected = format!("one inside {} x {}", layout.width, layout.height);
+        return Err(Error::invalid("window", format!("{window:?}"), expected));
+    }
+    let mut pictures: Vec<Image> = weights.iter().map(|_| Image::new(window.width(), window.height(), 3)).collect();
+    if window.is_empty() || weights.is_empty() {
+        return Ok(pictures);
+    }
+    let stream = Stream { dense, weights: prepare(dense, weights), window, isa: Isa::detect() };
+    // Each row of blocks owns its rows of every picture.
+    let (_, rows) = layout.blocks(window);
+    let mut strips: Vec<(usize, Vec<&mut [f32]>)> = rows.map(|by| (by, Vec::new())).collect();
+    for picture in &mut pictures {
+        let mut rest = picture.data_mut();
+        for (by, strip) in &mut strips {
+            let height = stream.rows_of(*by).len();
+            let (own, after) = rest.split_at_mut(height * window.width() * 3);
+            strip.push(own);
+            rest = after;
+        }
+    }
+    strips.into_par_iter().try_for_each(|(by, mut strip)| stream.row(by, &mut strip))?;
+    // One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
+    if let Some(bad) = pictures.iter().find_map(|p| p.data().iter().position(|v| !v.is_finite()).map(|at| at / 3)) {
+        let (x, y) = (window.x0 + bad % window.width(), window.y0 + bad / window.width());
+        let place = format!("{}, pixel ({x}, {y})", dense.path().display());
+        return Err(Error::invalid(
+            place,
+            "a number that is not finite",
+            "finite transport (`relume verify` tells whether the file was damaged)",
+        ));
+    }
+    Ok(pictures)
+}
+
+/// For each channel, each illumination's weights, the field's scale included.
+fn prepare(dense: &Dense, weights: &[&Weights]) -> [Vec<Vec<f32>>; 3] {
+    std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, dense.scale())).collect())
+}
+
+/// One pass over a field.
+struct Stream<'a> {
+    dense: &'a Dense,
+    weights: [Vec<Vec<f32>>; 3],
+    window: Window,
+    isa: Isa,
+}
+
+impl Stream<'_> {
+    /// Rows of the picture that row `by` of blocks has inside the window.
+    fn rows_of(&self, by: usize) -> std::ops::Range<usize> {
+        (by * BLOCK_HEIGHT).max(self.window.y0)..((by + 1) * BLOCK_HEIGHT).min(self.window.y1)
+    }
+
+    /// One row of blocks into one strip a picture.
+    fn row(&self, by: usize, strips: &mut [&mut [f32]]) -> Result<()> {
+        let (columns, _) = self.dense.layout().blocks(self.window);
+        let (mut buffer, mut floats) = (BlockBuffer::default(), Vec::new());
+        for bx in columns {
+            for c in 0..3 {
+                let block = self.dense.block(bx, by, c, &mut buffer)?;
+                if let [weights] = &self.weights[c][..] {
+                    self.scatter(&kernels::block_sums(self.isa, block, weights), bx, by, c, strips[0]);
+                    continue;
+                }
+                // Converted once, in cache, and used by every illumination.
+                kernels::expand(block, &mut floats);
+                for (weights, strip) in self.weights[c].iter().zip(&mut *strips) {
+                    let sums = kernels::block_sums(self.isa, Block::Float(&floats), weights);
+                    self.scatter(&sums, bx, by, c, strip);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts a block's sums where the window has them.
+    fn scatter(&self, sums: &Sums, bx: usize, by: usize, c: usize, strip: &mut [f32]) {
+        const _: () = assert!(BLOCK_PIXELS == BLOCK_WIDTH * BLOCK_HEIGHT);
+        let rows = self.rows_of(by);
+        let columns = (bx * BLOCK_WIDTH).max(self.window.x0)..((bx + 1) * BLOCK_WIDTH).min(self.window.x1);
+        for y in rows.clone() {
+            let line = &mut strip[(y - rows.start) * self.window.width() * 3..][..self.window.width() * 3];
+            for x in columns.clone() {
+                line[(x - self.window.x0) * 3 + c] = sums[(y % BLOCK_HEIGHT) * BLOCK_WIDTH + x % BLOCK_WIDTH];
+            }
+        }
+    }
+}
