@@ -26,6 +26,9 @@ pub struct Library {
     maps: Shelf<EnvMap>,
     /// Latest first.
     weights: Mutex<VecDeque<Entry>>,
+    /// Held while weights are computed: threads that render tiles of one picture would all compute them, and the first
+    /// projection of a map takes a second.
+    computing: Mutex<()>,
 }
 
 /// The files one instance used last; they stay open with it.
@@ -133,8 +136,13 @@ impl Library {
         let look = Look { ambient: 0.0, ..*look };
         let fits =
             |e: &Entry| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
-        if let Some(entry) = self.entries().iter().find(|e| fits(e)) {
-            return Ok(Arc::clone(&entry.weights));
+        let find = || self.entries().iter().find(|e| fits(e)).map(|e| Arc::clone(&e.weights));
+        if let Some(weights) = find() {
+            return Ok(weights);
+        }
+        let _computing = self.computing.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(weights) = find() {
+            return Ok(weights);
         }
         let weights = Arc::new(Pool::shared()?.run(|| field.weights(light.light(), &look))?);
         let entry =
