@@ -1,10 +1,10 @@
 //! What the effect promises, and its clips and parameters.
 
-use std::ffi::CStr;
+use std::ffi::{CStr, CString};
 
 use relume_core::settings::{self, Kind, Setting};
 
-use super::{ILLUMINATION, OUTPUT, SOURCE, controls, status};
+use super::{ILLUMINATION, OUTPUT, SOURCE, controls, defines, status};
 use crate::host::names::*;
 use crate::host::{Call, Effect, Params, Properties, Reply};
 
@@ -58,15 +58,12 @@ pub fn describe_in_context(call: &Call<'_>) -> Reply {
     if let Some(properties) = call.effect.properties() {
         promise(&properties);
     }
-    let is = |name: &CStr| context.as_bytes() == name.to_bytes();
-    let (general, generator) = (is(kOfxImageEffectContextGeneral), is(kOfxImageEffectContextGenerator));
+    let Ok(context) = CString::new(context) else { return Reply::Failed };
     let rgb = [kOfxImageComponentRGBA, kOfxImageComponentRGB];
-    // Source first: some hosts take the first clip for the main one.
-    if !generator {
-        clip(&call.effect, SOURCE, &rgb, general);
-    }
-    if general || generator {
-        clip(&call.effect, ILLUMINATION, &rgb, true);
+    // Source first: some hosts take the first clip for the main one. Only a filter must have it.
+    let optional = context.as_c_str() != kOfxImageEffectContextFilter;
+    for name in [SOURCE, ILLUMINATION].into_iter().filter(|name| defines(&context, name)) {
+        clip(&call.effect, name, &rgb, optional);
     }
     clip(&call.effect, OUTPUT, &rgb[..1], false);
     match call.effect.params() {

@@ -27,10 +27,11 @@ mod render;
 mod status;
 
 use std::collections::HashMap;
-use std::ffi::CStr;
+use std::ffi::{CStr, CString};
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
-use crate::host::{Action, Call, Exported, Handler, Reply};
+use crate::host::names::{kOfxImageEffectContextFilter, kOfxImageEffectContextGenerator, kOfxImageEffectPropContext};
+use crate::host::{Action, Call, Clip, Effect, Exported, Handler, Reply};
 use crate::pool::Pool;
 use assets::{Held, Library};
 
@@ -40,6 +41,27 @@ const SOURCE: &CStr = c"Source";
 const ILLUMINATION: &CStr = c"Illumination";
 /// The clip of the picture.
 const OUTPUT: &CStr = c"Output";
+
+/// Is a clip of this name defined in this context? Source stands wherever there can be a plate; Illumination where hosts
+/// know optional clips.
+fn defines(context: &CStr, clip: &CStr) -> bool {
+    let but = if clip == SOURCE { kOfxImageEffectContextGenerator } else { kOfxImageEffectContextFilter };
+    clip == OUTPUT || context != but
+}
+
+/// A clip of an instance, if its context has it and something is plugged in. Asking for a clip that was not defined is an
+/// error that some hosts report.
+fn input<'a>(effect: &Effect<'a>, name: &CStr) -> Option<Clip<'a>> {
+    declared(effect, name).filter(|clip| clip.connected())
+}
+
+/// A clip of an instance, if its context has it.
+fn declared<'a>(effect: &Effect<'a>, name: &CStr) -> Option<Clip<'a>> {
+    let context = effect.properties().and_then(|p| p.string(kOfxImageEffectPropContext, 0));
+    let context = context.and_then(|context| CString::new(context).ok());
+    // A host that does not say leaves only asking.
+    context.is_none_or(|context| defines(&context, name)).then(|| effect.clip(name)).flatten()
+}
 
 static RELIGHT: LazyLock<Relight> = LazyLock::new(Relight::default);
 

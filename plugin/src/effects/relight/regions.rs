@@ -3,14 +3,14 @@
 use super::assets::Library;
 use super::controls::Controls;
 use super::placement::{Placement, finite};
-use super::{ILLUMINATION, Instance, SOURCE};
+use super::{ILLUMINATION, Instance, SOURCE, declared, input};
 use crate::host::names::*;
 use crate::host::{Call, Effect, Rect, Reply};
 
 /// The plate's region, which is the output's as well: Source's own, or the project's where Source has no end. `None`
 /// where nothing is connected.
 pub fn plate(effect: &Effect<'_>, time: f64) -> Option<Rect<f64>> {
-    let region = effect.clip(SOURCE).filter(|clip| clip.connected())?.region(time)?;
+    let region = input(effect, SOURCE)?.region(time)?;
     finite(region).or_else(|| project(effect))
 }
 
@@ -44,12 +44,12 @@ pub fn definition(library: &Library, instance: &Instance, call: &Call<'_>) -> Re
 pub fn interest(call: &Call<'_>) -> Reply {
     let (Some(args), Some(answers)) = (call.args, call.answers) else { return Reply::Default };
     let time = args.double(kOfxPropTime, 0).unwrap_or_default();
-    if call.effect.clip(SOURCE).is_some()
+    if declared(&call.effect, SOURCE).is_some()
         && let Some(region) = args.doubles::<4>(kOfxImageEffectPropRegionOfInterest)
     {
         answers.set_doubles(c"OfxImageClipPropRoI_Source", &region);
     }
-    if let Some(clip) = call.effect.clip(ILLUMINATION)
+    if let Some(clip) = declared(&call.effect, ILLUMINATION)
         && let Some(whole) = clip.region(time)
         && let Some(Rect { x1, y1, x2, y2 }) = finite(whole).or_else(|| project(&call.effect))
     {

@@ -12,7 +12,7 @@ use relume_core::relight::{Relighter, Weights};
 use super::assets::{Library, Lit};
 use super::controls::{Controls, Output};
 use super::placement::Placement;
-use super::{ILLUMINATION, Instance, OUTPUT, SOURCE, regions};
+use super::{ILLUMINATION, Instance, OUTPUT, SOURCE, input, regions};
 use crate::area::{self, Axis, Tap};
 use crate::error::{Error, Result};
 use crate::host::names::*;
@@ -58,7 +58,7 @@ fn picture(library: &Library, instance: &Instance, call: &Call<'_>) -> Result<()
             Some(library.weights(&field, &light, &controls.look)?)
         }
     };
-    let plate = effect.clip(SOURCE).filter(|clip| clip.connected());
+    let plate = input(effect, SOURCE);
     let plate = plate.map_or(Ok(None), |clip| clip.image(request.time))?;
     let placement = request.placement(effect, &field, plate.as_ref());
     let aspect = canvas.image.layout().aspect;
@@ -81,7 +81,7 @@ fn light(library: &Library, instance: &Instance, effect: &Effect<'_>, controls: 
 
 /// The map of the Illumination clip, rows downwards, alpha dropped.
 fn illumination(effect: &Effect<'_>, time: f64) -> Result<Option<EnvMap>> {
-    let clip = effect.clip(ILLUMINATION).filter(|clip| clip.connected());
+    let clip = input(effect, ILLUMINATION);
     let Some(image) = clip.map_or(Ok(None), |clip| clip.image(time))? else { return Ok(None) };
     let Layout { bounds, region, .. } = *image.layout();
     let endless = region.width() > LARGEST_MAP || region.height() > LARGEST_MAP;

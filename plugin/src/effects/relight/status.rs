@@ -3,7 +3,7 @@
 
 use super::assets::{Library, file_name};
 use super::controls::Controls;
-use super::{ILLUMINATION, Instance};
+use super::{ILLUMINATION, Instance, input};
 use crate::error::{Error, Result};
 use crate::host::names::*;
 use crate::host::{Call, Effect, Reply};
@@ -78,7 +78,7 @@ fn line(
     let lamps = asset.domain().len();
     let about =
         format!("{}: {} x {} pixels, {lamps} lamps.", file_name(&controls.asset), asset.width(), asset.height());
-    if effect.clip(ILLUMINATION).is_some_and(|clip| clip.connected()) {
+    if input(effect, ILLUMINATION).is_some() {
         return Ok(format!("{about} Light: the Illumination clip."));
     }
     match controls.lamp {
