@@ -342,6 +342,42 @@ fn strange_pixels_are_refused_with_a_sentence() {
 }
 
 #[test]
+fn an_unpremultiplied_plate_is_multiplied_by_its_alpha() {
+    let props = Props::new();
+    with_instance(Options::default(), Context::Filter, |instance| {
+        props.set(instance);
+        let straight = TestImage::from_fn(64, 48, |x, y| [x as f32 / 64.0, 0.5, y as f32, (x % 5) as f32 / 4.0]);
+        let multiplied = TestImage::from_fn(64, 48, |x, y| {
+            let [r, g, b, a] = straight.pixel(x, y);
+            [r * a, g * a, b * a, a]
+        });
+        let source = instance.clip("Source");
+        source.connect(straight.clone());
+        source.set_premultiplication(c"OfxImageAlphaUnPremultiplied");
+        let element = props.element(&Look::default(), None);
+        close(&instance.render(&RenderArgs::default()).unwrap(), &composite(&element, &multiplied), 1e-5);
+    });
+}
+
+#[test]
+fn a_host_without_a_message_suite_still_gets_a_cleared_output() {
+    for name in ["org.relume.testhost", "openfx-driver"] {
+        let options = Options {
+            name: name.into(),
+            missing_suites: vec![c"OfxMessageSuite"],
+            fail_on_drop: false,
+            ..Options::default()
+        };
+        // The host holds it against us that nothing could be said; nothing else may be wrong.
+        with_instance(options, Context::General, |instance| {
+            let rendered = instance.render(&RenderArgs::default());
+            assert!(rendered.failed() && rendered.image.is_clear() && rendered.untouched == 0);
+            assert!(instance.violations().len() <= 1, "{:?}", instance.violations());
+        });
+    }
+}
+
+#[test]
 fn four_threads_render_different_frames() {
     let props = Props::new();
     with_instance(Options::default(), Context::Generator, |instance| {
