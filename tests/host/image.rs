@@ -1,5 +1,7 @@
 //! Pictures of tests: what a clip is fed, and what a render returned.
 
+use relume_core::image::Image;
+
 use super::pixels::{Buffer, Components, Depth, Layout, Rect};
 
 /// A picture, RGBA f32, row 0 at the *top*, and how the host is to offer it to the plugin.
@@ -183,6 +185,15 @@ impl TestImage {
             buffer.set_pixel(x, y, self.canonical(x, y).unwrap_or_default());
         }
         buffer
+    }
+}
+
+/// A picture of the core, as what a clip is fed; RGB becomes opaque.
+impl From<&Image> for TestImage {
+    fn from(image: &Image) -> Self {
+        let pixels = image.data().chunks_exact(image.channels());
+        let rgba = pixels.flat_map(|pixel| [pixel[0], pixel[1], pixel[2], pixel.get(3).copied().unwrap_or(1.0)]);
+        Self::from_rgba(image.width(), image.height(), rgba.collect())
     }
 }
 

@@ -151,9 +151,10 @@ impl Instance {
         Rendered { status, image: job.buffer.picture(window), untouched, violations }
     }
 
-    /// No message since, and none that stays.
+    /// No message since, and none that stays, though there is a suite for it.
     fn silent(&self, messages: usize) -> bool {
-        self.messages().len() <= messages && self.persistent_message().is_none()
+        let dumb = self.core.shared.options.missing_suites.contains(&kOfxMessageSuite);
+        !dumb && self.messages().len() <= messages && self.persistent_message().is_none()
     }
 
     /// Looks at the canaries. Returns the pixels left alone.
