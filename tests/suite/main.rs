@@ -2,3 +2,4 @@
 
 mod host_self;
 mod plugin;
+mod relight_effect;
