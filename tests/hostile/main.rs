@@ -132,7 +132,10 @@ fn mutated_containers_never_panic_or_over_allocate() {
             Err(_) => panic!("variant {seed} panicked"),
             Ok(Err(error)) => {
                 let sentence = error.to_string();
-                assert!(sentence.contains(&format!("{seed}.rfield")), "variant {seed}: `{sentence}` does not name the file");
+                assert!(
+                    sentence.contains(&format!("{seed}.rfield")),
+                    "variant {seed}: `{sentence}` does not name the file"
+                );
                 refused += 1;
             }
             Ok(Ok(())) => accepted += 1,
