@@ -1,0 +1,68 @@
+//! Bodies before the camera.
+
+use super::V3;
+use super::material::Material;
+use super::shape::{Ray, Shape, Slices};
+
+/// A shape of one material.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Object {
+    /// Its form and place.
+    pub shape: Shape,
+    /// What it is made of.
+    pub material: Material,
+}
+
+/// What stands before the camera. Bodies may touch; they must not overlap when one of them is glass.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Scene {
+    /// All bodies.
+    pub objects: Vec<Object>,
+}
+
+/// Where a ray meets a body.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Hit {
+    /// Index of the object.
+    pub object: usize,
+    pub point: V3,
+    /// Outward unit normal.
+    pub normal: V3,
+}
+
+impl Scene {
+    /// The nearest hit.
+    pub(super) fn hit(&self, ray: &Ray) -> Option<Hit> {
+        let mut best: Option<(f32, usize, V3)> = None;
+        for (object, o) in self.objects.iter().enumerate() {
+            if let Some((t, normal)) = o.shape.hit(ray)
+                && best.is_none_or(|b| t < b.0)
+            {
+                best = Some((t, object, normal));
+            }
+        }
+        best.map(|(t, object, normal)| Hit { object, point: ray.at(t), normal })
+    }
+
+    /// Does anything but `own` (the convex body whose surface the ray leaves outwards) block a ray?
+    pub(super) fn blocks(&self, ray: &Ray, own: usize) -> bool {
+        self.objects.iter().enumerate().any(|(i, o)| i != own && o.shape.hit(ray).is_some())
+    }
+
+    /// Which directions are free of bodies, seen from a point on the surface of object `own`: 1 free, 0 blocked.
+    pub(super) fn visible(&self, point: &V3, own: usize, directions: Slices<'_>, visible: &mut [f32]) {
+        visible.fill(1.0);
+        for (_, object) in self.objects.iter().enumerate().filter(|(i, _)| *i != own) {
+            object.shape.shade(point, directions, visible);
+        }
+    }
+
+    /// The mirrors and glasses, as (index, middle, radius of a ball around them).
+    pub(super) fn speculars(&self) -> Vec<(usize, V3, f32)> {
+        let ball = |(i, o): (usize, &Object)| {
+            let (centre, radius) = o.shape.bounds();
+            o.material.is_specular().then_some((i, centre, radius))
+        };
+        self.objects.iter().enumerate().filter_map(ball).collect()
+    }
+}

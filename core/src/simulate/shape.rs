@@ -1,0 +1,195 @@
+//! Spheres, boxes and discs: the nearest hit of one ray, and shadows of many directions from one point.
+
+use nalgebra::Matrix3;
+
+use super::V3;
+
+/// Hits nearer than this do not count: the rounding of f32 at the size of our scenes (a few units), with room.
+pub(super) const EPSILON: f32 = 2e-4;
+
+/// Half a line.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ray {
+    /// Where it starts.
+    pub origin: V3,
+    /// Unit direction.
+    pub direction: V3,
+}
+
+impl Ray {
+    /// The point at a distance.
+    pub fn at(&self, t: f32) -> V3 {
+        self.origin + self.direction * t
+    }
+}
+
+/// Many unit directions, component by component, so that loops over them vectorise.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Bundle {
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    pub z: Vec<f32>,
+}
+
+impl Bundle {
+    /// A part of the directions.
+    pub fn slice(&self, range: std::ops::Range<usize>) -> Slices<'_> {
+        Slices { x: &self.x[range.clone()], y: &self.y[range.clone()], z: &self.z[range] }
+    }
+
+    /// Appends a direction.
+    pub fn push(&mut self, d: V3) {
+        self.x.push(d.x);
+        self.y.push(d.y);
+        self.z.push(d.z);
+    }
+}
+
+/// Part of a [`Bundle`]; the three slices have one length.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slices<'a> {
+    pub x: &'a [f32],
+    pub y: &'a [f32],
+    pub z: &'a [f32],
+}
+
+/// A convex body, or a finite piece of ground.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Shape {
+    /// A ball.
+    Sphere {
+        /// Its middle.
+        centre: V3,
+        /// Its radius.
+        radius: f32,
+    },
+    /// A box, `axes` its orthonormal directions as columns.
+    Block {
+        /// Its middle.
+        centre: V3,
+        /// Half its extent along each of its axes.
+        half: V3,
+        /// Orthonormal, columns are the box's own x, y and z in the stage frame.
+        axes: Matrix3<f32>,
+    },
+    /// A flat round piece of ground, seen from both sides.
+    Disc {
+        /// Its middle.
+        centre: V3,
+        /// Unit normal.
+        normal: V3,
+        /// Its radius.
+        radius: f32,
+    },
+}
+
+impl Shape {
+    /// A box turned by `turn_rad` about `up`, standing with its own y along `up` (unit, not parallel to +z).
+    pub fn block(centre: V3, half: V3, up: V3, turn_rad: f32) -> Self {
+        let side = up.cross(&V3::z()).normalize();
+        let turned = nalgebra::Rotation3::from_axis_angle(&nalgebra::Unit::new_unchecked(up), turn_rad) * side;
+        Self::Block { centre, half, axes: Matrix3::from_columns(&[turned, up, turned.cross(&up)]) }
+    }
+
+    /// The nearest hit beyond [`EPSILON`], from outside or inside: distance and outward normal.
+    pub(super) fn hit(&self, ray: &Ray) -> Option<(f32, V3)> {
+        match self {
+            Self::Sphere { centre, radius } => hit_sphere(ray, centre, *radius),
+            Self::Block { centre, half, axes } => hit_block(ray, centre, half, axes),
+            Self::Disc { centre, normal, radius } => {
+                let t = (centre - ray.origin).dot(normal) / ray.direction.dot(normal);
+                let inside = t > EPSILON && (ray.at(t) - centre).norm_squared() < radius * radius;
+                inside.then_some((t, *normal))
+            }
+        }
+    }
+
+    /// A ball that holds the shape.
+    pub(super) fn bounds(&self) -> (V3, f32) {
+        match self {
+            Self::Sphere { centre, radius } | Self::Disc { centre, radius, .. } => (*centre, *radius),
+            Self::Block { centre, half, .. } => (*centre, half.norm()),
+        }
+    }
+
+    /// Darkens (sets to 0) the directions that this shape blocks for a point outside of it or on its surface; a convex
+    /// shape never shades its own surface, so the caller leaves out the shape that the point lies on.
+    pub(super) fn shade(&self, origin: &V3, directions: Slices<'_>, visible: &mut [f32]) {
+        match self {
+            Self::Sphere { centre, radius } => shade_sphere(&(origin - centre), *radius, directions, visible),
+            Self::Block { centre, half, axes } => {
+                shade_block(&axes.tr_mul(&(origin - centre)), half, axes, directions, visible);
+            }
+            Self::Disc { centre, normal, radius } => {
+                shade_disc(&(origin - centre), normal, *radius, directions, visible);
+            }
+        }
+    }
+}
+
+fn hit_sphere(ray: &Ray, centre: &V3, radius: f32) -> Option<(f32, V3)> {
+    let to = centre - ray.origin;
+    let along = to.dot(&ray.direction);
+    // The distance of the line from the middle, taken from the foot point: exact also far from a small ball.
+    let room = radius * radius - (to - ray.direction * along).norm_squared();
+    if room < 0.0 {
+        return None;
+    }
+    let half = room.sqrt();
+    let t = if along - half > EPSILON { along - half } else { along + half };
+    (t > EPSILON).then(|| (t, (ray.at(t) - centre) / radius))
+}
+
+fn hit_block(ray: &Ray, centre: &V3, half: &V3, axes: &Matrix3<f32>) -> Option<(f32, V3)> {
+    let (o, d) = (axes.tr_mul(&(ray.origin - centre)), axes.tr_mul(&ray.direction));
+    let (mut near, mut far) = ((f32::NEG_INFINITY, 0), (f32::INFINITY, 0));
+    for a in 0..3 {
+        let (t0, t1) = ((-half[a] - o[a]) / d[a], (half[a] - o[a]) / d[a]);
+        let (low, high) = (t0.min(t1), t0.max(t1));
+        near = if low > near.0 { (low, a) } else { near };
+        far = if high < far.0 { (high, a) } else { far };
+    }
+    if near.0 > far.0 {
+        return None;
+    }
+    let (t, axis, sign) = if near.0 > EPSILON { (near.0, near.1, -1.0) } else { (far.0, far.1, 1.0) };
+    (t > EPSILON).then(|| (t, axes.column(axis) * (sign * d[axis].signum())))
+}
+
+fn shade_sphere(from: &V3, radius: f32, directions: Slices<'_>, visible: &mut [f32]) {
+    let n = visible.len();
+    let (x, y, z) = (&directions.x[..n], &directions.y[..n], &directions.z[..n]);
+    let room = from.norm_squared() - radius * radius;
+    for j in 0..n {
+        let along = from.x * x[j] + from.y * y[j] + from.z * z[j];
+        let blocked = (along < 0.0) & (along * along > room);
+        visible[j] = if blocked { 0.0 } else { visible[j] };
+    }
+}
+
+fn shade_block(from: &V3, half: &V3, axes: &Matrix3<f32>, directions: Slices<'_>, visible: &mut [f32]) {
+    let n = visible.len();
+    let (x, y, z) = (&directions.x[..n], &directions.y[..n], &directions.z[..n]);
+    for j in 0..n {
+        let (mut near, mut far) = (EPSILON, f32::MAX);
+        for a in 0..3 {
+            let step = 1.0 / (axes[(0, a)] * x[j] + axes[(1, a)] * y[j] + axes[(2, a)] * z[j]);
+            let (t0, t1) = ((-half[a] - from[a]) * step, (half[a] - from[a]) * step);
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        visible[j] = if near < far { 0.0 } else { visible[j] };
+    }
+}
+
+fn shade_disc(from: &V3, normal: &V3, radius: f32, directions: Slices<'_>, visible: &mut [f32]) {
+    let n = visible.len();
+    let (x, y, z) = (&directions.x[..n], &directions.y[..n], &directions.z[..n]);
+    let height = from.dot(normal);
+    for j in 0..n {
+        let t = -height / (normal.x * x[j] + normal.y * y[j] + normal.z * z[j]);
+        let (px, py, pz) = (from.x + t * x[j], from.y + t * y[j], from.z + t * z[j]);
+        let blocked = (t > EPSILON) & (px * px + py * py + pz * pz < radius * radius);
+        visible[j] = if blocked { 0.0 } else { visible[j] };
+    }
+}

@@ -1,0 +1,157 @@
+//! The same scene lit directly by maps: what relighting is measured against.
+//!
+//! It shares scene and paths with the stage, not the light: no lamps, no cells. Light is drawn from the map itself in proportion to
+//! the power of its texels, and paths through mirrors and glass look the map up where they leave.
+
+use rand::RngExt;
+use rand_pcg::Pcg32;
+use rayon::prelude::*;
+
+use crate::domain::Directions;
+use crate::illumination::EnvMap;
+use crate::image::Image;
+use crate::math::latlong;
+
+use super::camera::Camera;
+use super::material::Rgb;
+use super::sampling::Spread;
+use super::scene::Scene;
+use super::shape::Ray;
+use super::stage::Quality;
+use super::tracer::{Collector, Tracer, Vertex, times};
+use super::{Progress, V3};
+
+/// A map as a density of directions.
+struct Source<'a> {
+    map: &'a EnvMap,
+    /// Power up to and including each row.
+    rows: Vec<f64>,
+    /// Power up to and including each texel of its row.
+    texels: Vec<f64>,
+}
+
+impl<'a> Source<'a> {
+    fn new(map: &'a EnvMap) -> Self {
+        let (w, h) = map.image().size();
+        let (mut rows, mut texels) = (Vec::with_capacity(h), Vec::with_capacity(w * h));
+        let mut total = 0.0;
+        for j in 0..h {
+            let solid_angle = latlong::texel_solid_angle(j, w, h);
+            let mut sum = 0.0;
+            for pixel in map.image().row(j).chunks_exact(3) {
+                sum += power(pixel) * solid_angle;
+                texels.push(sum);
+            }
+            total += sum;
+            rows.push(total);
+        }
+        Self { map, rows, texels }
+    }
+
+    /// A direction, and radiance over density; `None` of a black map.
+    fn draw(&self, u: [f32; 2]) -> Option<(V3, Rgb)> {
+        let (w, h) = self.map.image().size();
+        let total = *self.rows.last()?;
+        let (j, across) = pick(&self.rows, f64::from(u[0]))?;
+        let (i, along) = pick(&self.texels[j * w..(j + 1) * w], f64::from(u[1]))?;
+        // Uniform in the texel: in longitude, and in the sine of latitude.
+        let sine = |row: usize| (std::f64::consts::PI * (0.5 - row as f64 / h as f64)).sin();
+        let y = sine(j) + across * (sine(j + 1) - sine(j));
+        let equator = latlong::direction(i as f64 + along, h as f64 / 2.0, w, h);
+        let d = V3::new((equator.x * (1.0 - y * y).sqrt()) as f32, y as f32, (equator.z * (1.0 - y * y).sqrt()) as f32);
+        let pixel = self.map.image().pixel(i, j);
+        let scale = (total / power(pixel)) as f32;
+        Some((d, std::array::from_fn(|c| pixel[c] * scale)))
+    }
+}
+
+fn power(pixel: &[f32]) -> f64 {
+    pixel.iter().map(|v| f64::from(v.max(0.0))).sum()
+}
+
+/// The bin of a running sum that holds the share `u`, and the place in it.
+fn pick(sums: &[f64], u: f64) -> Option<(usize, f64)> {
+    let target = u * sums.last().filter(|s| **s > 0.0)?;
+    let at = sums.partition_point(|s| *s <= target).min(sums.len() - 1);
+    let before = if at == 0 { 0.0 } else { sums[at - 1] };
+    Some((at, ((target - before) / (sums[at] - before)).clamp(0.0, 1.0)))
+}
+
+/// Collects one pixel under several maps at once.
+struct MapCollector<'a> {
+    sources: &'a [Source<'a>],
+    spread: Vec<Spread>,
+    sums: Vec<Rgb>,
+}
+
+/// Light directions at a vertex that the camera sees.
+const DRAWS: usize = 2;
+
+impl Collector for MapCollector<'_> {
+    fn direct(&mut self, scene: &Scene, vertex: &Vertex, weight: &Rgb, first: bool, rng: &mut Pcg32) {
+        let draws = if first { DRAWS } else { 1 };
+        for (n, source) in self.sources.iter().enumerate() {
+            for _ in 0..draws {
+                let u = if first { self.spread[n].next() } else { rng.random() };
+                let Some((direction, light)) = source.draw(u) else { continue };
+                let scattered = vertex.scatter.towards(&direction);
+                let ray = Ray { origin: vertex.point, direction };
+                if scattered != [0.0; 3] && !scene.blocks(&ray, vertex.object) {
+                    let seen = times(&times(weight, &scattered, 1.0), &light, 1.0 / draws as f32);
+                    add(&mut self.sums[n], &seen);
+                }
+            }
+        }
+    }
+
+    fn leave(&mut self, ray: &Ray, weight: &Rgb) {
+        for (sum, source) in self.sums.iter_mut().zip(self.sources) {
+            add(sum, &times(weight, &source.map.radiance(&ray.direction.cast()), 1.0));
+        }
+    }
+}
+
+fn add(sum: &mut Rgb, light: &Rgb) {
+    sum.iter_mut().zip(light).for_each(|(s, l)| *s += l);
+}
+
+/// The scene lit by each of `maps` inside the coverage of `lamps` (light beyond is dropped): one picture a map, RGB,
+/// premultiplied, the map itself not seen behind the objects. All maps share their camera paths, never their light
+/// samples. Texels count by their middle. `quality.stride` is not used.
+pub fn truth(
+    scene: &Scene,
+    camera: &Camera,
+    maps: &[EnvMap],
+    lamps: &Directions,
+    quality: &Quality,
+    progress: &mut Progress<'_>,
+) -> Vec<Image> {
+    let covered: Vec<EnvMap> = maps.iter().map(|m| covered(m, lamps)).collect();
+    let sources: Vec<Source<'_>> = covered.iter().map(Source::new).collect();
+    let tracer = Tracer::new(scene, quality.effort());
+    let (w, h) = (camera.width, camera.height);
+    let mut pictures = vec![Image::new(w, h, 3); maps.len()];
+    let pixel = |x: usize, y: usize| {
+        let mut rng = Pcg32::new(quality.seed ^ 0x7274_7574_6800, (y * w + x) as u64);
+        let spread = sources.iter().map(|_| Spread::new(rng.random())).collect();
+        let mut collector = MapCollector { sources: &sources, spread, sums: vec![[0.0; 3]; maps.len()] };
+        tracer.pixel(camera, x, y, quality.seed ^ 0x7472_7574_6800, &mut collector);
+        collector.sums
+    };
+    for y in 0..h {
+        let row: Vec<Vec<Rgb>> = (0..w).into_par_iter().map(|x| pixel(x, y)).collect();
+        for (x, sums) in row.iter().enumerate() {
+            for (picture, sum) in pictures.iter_mut().zip(sums) {
+                picture.pixel_mut(x, y).copy_from_slice(&sum.map(|s| s / quality.samples as f32));
+            }
+        }
+        progress(y + 1, h);
+    }
+    pictures
+}
+
+/// A map, black outside the coverage.
+fn covered(map: &EnvMap, lamps: &Directions) -> EnvMap {
+    let (w, h) = map.image().size();
+    EnvMap::from_fn(w, h, |d| if lamps.covers(d) { map.radiance(d) } else { [0.0; 3] })
+}
