@@ -47,6 +47,10 @@ pub enum Coverage {
     },
 }
 
+/// A hole at the far end of the axis that is narrower than this many spacings is a gap between lamps, not an end of the
+/// coverage. Uniformly random sets leave a wider one only once in sixteen: P(no lamp within 2 spacings) = 2^-4.
+const GAP_SPACINGS: f64 = 2.0;
+
 /// A node of the search tree: a site's coordinates and its number.
 type SitePoint = GeomWithData<[f64; 3], u32>;
 
@@ -73,7 +77,7 @@ pub struct Directions {
 impl Directions {
     /// Takes unit directions in the order of the photographs, and finds axis and coverage: of +z and +y the axis that
     /// needs the smaller cap, and a cap whose half-angle is the outermost lamp's plus half the median spacing, at most 90
-    /// degrees unless lamps lie beyond; a cap that closes within the spacing is the sphere.
+    /// degrees unless lamps lie beyond; a cap whose hole is narrower than two spacings is the sphere.
     ///
     /// # Errors
     /// No lamp, or a vector that is not of unit length to 1e-3 (such as zero or NaN), named by its number from 1.
@@ -86,7 +90,7 @@ impl Directions {
         let (axis, outer) = if about_y + spacing / 2.0 < about_z { (Axis::Y, about_y) } else { (Axis::Z, about_z) };
         let reach = outer + spacing / 2.0;
         set.axis = axis;
-        set.coverage = if about_y.min(about_z) + 0.75 * spacing >= PI {
+        set.coverage = if outer + GAP_SPACINGS * spacing >= PI {
             Coverage::Sphere
         } else if outer > FRAC_PI_2 + EQUATOR_TOLERANCE_RAD {
             Coverage::Cap { half_angle_rad: reach.min(PI) }

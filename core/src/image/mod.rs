@@ -2,12 +2,27 @@
 //!
 //! Files come in through [`read`] (the one door: NaN and infinities are refused there) and leave through [`write`].
 //! Encoding is chosen per file type and can be forced; sizes and windows are in pixels.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `read` | tells the type of a file by its first bytes, hands it to a decoder, refuses what is not finite |
+//! | `exr` | OpenEXR, in and out |
+//! | `raster` | Radiance HDR, PNG and JPEG in |
+//! | `tiff` | TIFF, in and out |
+//! | `stored` | samples as a file holds them -> linear, premultiplied f32 |
+//! | `write` | chooses the type by extension; HDR, PNG and JPEG out |
+//! | [`srgb`] | the transfer curve |
 
+mod exr;
+mod raster;
 mod read;
+pub mod srgb;
+mod stored;
+mod tiff;
 mod write;
 
-pub use read::{Encoding, read};
-pub use write::{EncodeOptions, write};
+pub use read::{Encoding, probe_size, read};
+pub use write::{EncodeOptions, encode_png8, write};
 
 use crate::error::{Error, Result};
 

@@ -1,22 +1,174 @@
 //! Writing pictures, whole or not at all.
 
+use std::io::{Cursor, Seek, Write};
 use std::path::Path;
 
-use super::Image;
-use crate::error::Result;
+use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use ::image::codecs::{hdr::HdrEncoder, jpeg::JpegEncoder};
+use ::image::{ExtendedColorType, ImageEncoder, ImageError, Rgb};
+
+use super::stored::{check_size, refuse_non_finite};
+use super::{Image, exr, srgb, tiff};
+use crate::error::{Error, Result};
+use crate::files::write_whole;
 
 /// What can be chosen when writing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct EncodeOptions {
-    /// EXR: 16-bit halves in place of 32-bit floats.
+    /// EXR: 16-bit halves in place of 32-bit floats; values beyond 65504 are clamped.
     pub half: bool,
+    /// PNG: 8 bits in place of 16.
+    pub png8: bool,
 }
 
-/// Writes by extension: `.exr`, `.hdr`, `.png` (16-bit sRGB), `.tif` (float), `.jpg`.
+/// JPEG quality: no visible blocks; who needs exact numbers takes another type.
+const JPEG_QUALITY: u8 = 95;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum FileType {
+    Exr,
+    Hdr,
+    Png,
+    Tiff,
+    Jpeg,
+}
+
+/// Writes a picture; the extension chooses the type. The file appears whole or not at all.
+///
+/// | extension | samples | alpha |
+/// |---|---|---|
+/// | `.exr` | linear float, or half; ZIP, primaries of Rec. 709 | premultiplied (associated) |
+/// | `.hdr` | linear RGBE, rounded to the nearest; negatives become 0 | dropped: colour over black |
+/// | `.png` | sRGB, 16 bits, or 8; clamped to 0..1 | divided out; where it is 0 so is colour |
+/// | `.tif`, `.tiff` | linear float | premultiplied, tagged as associated |
+/// | `.jpg`, `.jpeg` | sRGB, 8 bits, quality 95; clamped to 0..1 | dropped: colour over black |
 ///
 /// # Errors
-/// Unknown extension; folder absent or full.
+/// [`Error::Invalid`] for an unknown extension, an empty picture, NaN or infinity (with pixel and channel), a size the
+/// type cannot hold; [`Error::Io`] when the folder is absent or full.
 pub fn write(path: &Path, image: &Image, options: EncodeOptions) -> Result<()> {
-    let _ = (path, image, options);
-    todo!()
+    let file_type = file_type(path)?;
+    check_size(path, image.width(), image.height())?;
+    refuse_non_finite(&path.display().to_string(), image.data(), image.width(), image.channels())?;
+    write_whole(path, |writer| match file_type {
+        FileType::Exr => exr::write(path, writer, image, options),
+        FileType::Hdr => write_hdr(writer, image).map_err(|error| failure(path, error)),
+        FileType::Png => write_png(writer, image, options.png8).map_err(|error| failure(path, error)),
+        FileType::Tiff => tiff::write(path, writer, image),
+        FileType::Jpeg => write_jpeg(writer, image).map_err(|error| failure(path, error)),
+    })
+}
+
+/// An 8-bit sRGB PNG in memory, for previews: clamped to 0..1, alpha unassociated.
+///
+/// # Errors
+/// An empty picture, NaN or infinity.
+pub fn encode_png8(image: &Image) -> Result<Vec<u8>> {
+    let place = Path::new("preview");
+    check_size(place, image.width(), image.height())?;
+    refuse_non_finite("preview", image.data(), image.width(), image.channels())?;
+    let mut bytes = Cursor::new(Vec::new());
+    write_png(&mut bytes, image, true).map_err(|error| failure(place, error))?;
+    Ok(bytes.into_inner())
+}
+
+fn file_type(path: &Path) -> Result<FileType> {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    match extension.as_str() {
+        "exr" => Ok(FileType::Exr),
+        "hdr" => Ok(FileType::Hdr),
+        "png" => Ok(FileType::Png),
+        "tif" | "tiff" => Ok(FileType::Tiff),
+        "jpg" | "jpeg" => Ok(FileType::Jpeg),
+        _ => Err(Error::invalid(
+            path.display().to_string(),
+            if extension.is_empty() { "no extension".to_owned() } else { format!("the extension .{extension}") },
+            ".exr, .hdr, .png, .tif, .tiff, .jpg or .jpeg",
+        )),
+    }
+}
+
+/// Width and height as the encoders want them; `check_size` has bounded them.
+fn size_u32(image: &Image) -> (u32, u32) {
+    (image.width() as u32, image.height() as u32)
+}
+
+fn write_png(writer: impl Write, image: &Image, eight_bits: bool) -> std::result::Result<(), ImageError> {
+    let (width, height) = size_u32(image);
+    let encoder = PngEncoder::new_with_quality(writer, CompressionType::Default, FilterType::Adaptive);
+    let codes = image.data().chunks_exact(image.channels()).flat_map(unassociated_codes);
+    match (eight_bits, image.channels()) {
+        (true, channels) => {
+            let bytes: Vec<u8> = codes.map(|code| (code * 255.0).round() as u8).collect();
+            let color = if channels == 4 { ExtendedColorType::Rgba8 } else { ExtendedColorType::Rgb8 };
+            encoder.write_image(&bytes, width, height, color)
+        }
+        (false, channels) => {
+            let words: Vec<u16> = codes.map(|code| (code * 65535.0).round() as u16).collect();
+            let color = if channels == 4 { ExtendedColorType::Rgba16 } else { ExtendedColorType::Rgb16 };
+            encoder.write_image(bytemuck::cast_slice(&words), width, height, color)
+        }
+    }
+}
+
+/// sRGB codes 0..1 of one pixel, alpha divided out of the colour and itself left linear.
+fn unassociated_codes(pixel: &[f32]) -> impl Iterator<Item = f32> + use<> {
+    let alpha = pixel.get(3).map(|a| a.clamp(0.0, 1.0));
+    let colour = |c: f32| match alpha {
+        Some(0.0) => 0.0,
+        Some(alpha) => code_of(c / alpha),
+        None => code_of(c),
+    };
+    [colour(pixel[0]), colour(pixel[1]), colour(pixel[2])].into_iter().chain(alpha)
+}
+
+/// Light clamped to 0..1, as an sRGB code 0..1.
+fn code_of(light: f32) -> f32 {
+    srgb::encode(light.clamp(0.0, 1.0))
+}
+
+fn write_jpeg(writer: impl Write + Seek, image: &Image) -> std::result::Result<(), ImageError> {
+    let (width, height) = size_u32(image);
+    let pixels = image.data().chunks_exact(image.channels());
+    let bytes: Vec<u8> =
+        pixels.flat_map(|p| [p[0], p[1], p[2]]).map(|c| (code_of(c) * 255.0).round() as u8).collect();
+    JpegEncoder::new_with_quality(writer, JPEG_QUALITY).write_image(&bytes, width, height, ExtendedColorType::Rgb8)
+}
+
+fn write_hdr(writer: impl Write, image: &Image) -> std::result::Result<(), ImageError> {
+    let pixels: Vec<Rgb<f32>> =
+        image.data().chunks_exact(image.channels()).map(|p| Rgb(nearest_rgbe([p[0], p[1], p[2]]))).collect();
+    HdrEncoder::new(writer).encode(&pixels, image.width(), image.height())
+}
+
+/// The nearest colour that RGBE (G. Ward, "Real Pixels", Graphics Gems II, 1991) holds exactly: 8-bit mantissas that
+/// share the exponent of the largest channel. The encoder of the `image` crate truncates and no reader adds the half
+/// step back, which would darken a picture by 0.3 % on average; of what is rounded beforehand it cuts nothing off.
+fn nearest_rgbe(colour: [f32; 3]) -> [f32; 3] {
+    /// 255 * 2^(254 - 136): the encoder's power of two overflows f32 in the one binade that lies above.
+    const MAX: f32 = 255.0 * (1u128 << 118) as f32;
+    /// 2^-126, the smallest normal number of f32; exponents below wrap around in the encoder.
+    const MIN: f32 = f32::MIN_POSITIVE;
+    let colour = colour.map(|c| c.clamp(0.0, MAX));
+    let largest = colour[0].max(colour[1]).max(colour[2]);
+    if largest < MIN {
+        return [0.0; 3];
+    }
+    // The exponent of f32 itself: largest lies in [2^exponent, 2^(exponent + 1)).
+    let exponent = (largest.to_bits() >> 23) as i32 - 127;
+    let mut step = 2f64.powi(exponent - 7);
+    // A mantissa that rounds to 256 moves the pixel to the next exponent.
+    if (f64::from(largest) / step).round() >= 256.0 {
+        step *= 2.0;
+    }
+    colour.map(|c| ((f64::from(c) / step).round() * step) as f32)
+}
+
+fn failure(path: &Path, error: ImageError) -> Error {
+    match error {
+        ImageError::IoError(source) => Error::io("write", path, source),
+        other => {
+            Error::invalid(path.display().to_string(), other.to_string(), "a picture that the chosen file type can hold")
+        }
+    }
 }

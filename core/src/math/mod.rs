@@ -5,7 +5,8 @@
 //! name says `_deg`.
 
 pub mod latlong;
-pub mod srgb;
+
+pub use crate::image::srgb;
 
 /// A vector or point in the stage frame.
 pub type Vec3 = nalgebra::Vector3<f64>;
