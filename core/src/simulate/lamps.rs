@@ -197,18 +197,21 @@ pub(super) struct LampCollector<'a> {
     visible: Vec<f32>,
     turn: usize,
     drawn: usize,
+    /// Whose turn it is among the groups.
+    group: usize,
 }
 
 impl<'a> LampCollector<'a> {
     pub fn new(cells: &'a Cells) -> Self {
         let zeros = || vec![0.0; cells.len()];
-        Self { cells, sums: std::array::from_fn(|_| zeros()), visible: zeros(), turn: 0, drawn: 0 }
+        Self { cells, sums: std::array::from_fn(|_| zeros()), visible: zeros(), turn: 0, drawn: 0, group: 0 }
     }
 
     /// Clears the sums; `turn` scrambles the order of sample points.
     pub fn begin(&mut self, turn: u64) {
         self.sums.iter_mut().for_each(|plane| plane.fill(0.0));
         (self.turn, self.drawn) = ((turn % SETS as u64) as usize, 0);
+        self.group = (turn >> 8) as usize % self.cells.groups.len();
     }
 
     /// The sums, RGB planes over the ordered sites.
@@ -224,7 +227,9 @@ impl Collector for LampCollector<'_> {
             (((self.drawn - 1) ^ self.turn) % SETS, 0..self.cells.len(), 1.0)
         } else {
             let groups = &self.cells.groups;
-            let group = groups[rng.random_range(0..groups.len())].clone();
+            // In turn from a random start: each group is as likely, and all come up equally often.
+            self.group = (self.group + 1) % groups.len();
+            let group = groups[self.group].clone();
             (rng.random_range(0..SETS), group, groups.len() as f32)
         };
         let directions = self.cells.sets[set].slice(range.clone());

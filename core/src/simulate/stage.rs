@@ -17,6 +17,8 @@ use super::tracer::{Effort, Tracer};
 pub struct Quality {
     /// Camera rays a pixel; each samples every lamp at the surface it meets. Powers of 4 stratify the cells best.
     pub samples: usize,
+    /// Bounces towards other surfaces for each camera ray.
+    pub bounces: usize,
     /// Later surfaces sample every k-th lamp.
     pub stride: usize,
     /// Directions per steradian towards mirrors and glass, a pixel.
@@ -30,13 +32,13 @@ pub struct Quality {
 impl Default for Quality {
     /// What the demonstration uses.
     fn default() -> Self {
-        Self { samples: 16, stride: 8, cone_density: 1500.0, depth: 6, seed: 1 }
+        Self { samples: 16, bounces: 16, stride: 8, cone_density: 6000.0, depth: 6, seed: 1 }
     }
 }
 
 impl Quality {
     pub(super) fn effort(&self) -> Effort {
-        Effort { samples: self.samples, cone_density: self.cone_density, depth: self.depth }
+        Effort { samples: self.samples, bounces: self.bounces, cone_density: self.cone_density, depth: self.depth }
     }
 }
 

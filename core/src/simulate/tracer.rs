@@ -33,14 +33,18 @@ pub(super) struct Vertex {
 pub(super) struct Effort {
     /// Camera rays a pixel.
     pub samples: usize,
+    /// Bounces towards other surfaces at each vertex that the camera sees; one at the others.
+    pub bounces: usize,
     /// Directions per steradian of a mirror's or glass's cone, a pixel, at the vertices the camera sees.
     pub cone_density: f32,
     /// Scattering events at most.
     pub depth: usize,
 }
 
-/// Paths weaker than this go on with a probability in proportion (Russian roulette).
+/// Paths weaker than this share of a bounce's go on with a probability in proportion (Russian roulette).
 const ROULETTE: f32 = 0.5;
+/// The same at the second and later bounces, which matter little and look alike.
+const LATER_ROULETTE: f32 = 1.5;
 /// Glass splits into both branches while the weaker one carries more than this.
 const SPLIT: f32 = 0.02;
 /// Surfaces behind mirrors and glass count as seen by the camera above this weight.
@@ -118,7 +122,9 @@ impl<'a> Tracer<'a> {
         out.direct(self.scene, &vertex, &weight, stand.first, &mut state.rng);
         if stand.depth + 1 < self.effort.depth {
             self.cones(&vertex, weight, stand, state, out);
-            self.bounce(&vertex, weight, stand, state, out);
+            let count = if stand.first { self.effort.bounces } else { 1 };
+            let share = weight.map(|w| w / count as f32);
+            (0..count).for_each(|_| self.bounce(&vertex, share, stand, state, out));
         }
     }
 
@@ -158,7 +164,7 @@ impl<'a> Tracer<'a> {
             return;
         }
         let weight = times(&weight, &scattered, 1.0 / vertex.scatter.density(&direction));
-        let Some(weight) = roulette(weight, &mut state.rng) else { return };
+        let Some(weight) = self.roulette(weight, stand, &mut state.rng) else { return };
         let ray = Ray { origin: vertex.point, direction };
         if let Some(hit) = self.scene.hit(&ray)
             && !self.scene.objects[hit.object].material.is_specular()
@@ -184,12 +190,22 @@ impl<'a> Tracer<'a> {
                     }
                 } else if stand.first && peak(&weight) > SEEN {
                     self.surface(&direction, hit, weight, stand, state, out);
-                } else if let Some(weight) = roulette(weight, &mut state.rng) {
+                } else if let Some(weight) = self.roulette(weight, stand, &mut state.rng) {
                     let next = Stand { depth: stand.depth + 1, first: false };
                     self.surface(&direction, hit, weight, next, state, out);
                 }
             }
         }
+    }
+
+    /// Ends weak paths by chance and makes up for it in the others.
+    fn roulette(&self, weight: Rgb, stand: Stand, rng: &mut Pcg32) -> Option<Rgb> {
+        let floor = if stand.depth == 0 { ROULETTE } else { LATER_ROULETTE };
+        let strength = peak(&weight) * self.effort.bounces as f32 / floor;
+        if strength >= 1.0 {
+            return Some(weight);
+        }
+        (rng.random::<f32>() < strength).then(|| weight.map(|w| w / strength))
     }
 
     /// Where light goes on at a mirror or a glass: both ways while the weaker is worth it, then one of them by chance.
@@ -222,12 +238,4 @@ pub(super) fn times(a: &Rgb, b: &Rgb, scale: f32) -> Rgb {
 /// The largest channel.
 pub(super) fn peak(rgb: &Rgb) -> f32 {
     rgb[0].max(rgb[1]).max(rgb[2])
-}
-
-fn roulette(weight: Rgb, rng: &mut Pcg32) -> Option<Rgb> {
-    let strength = peak(&weight) / ROULETTE;
-    if strength >= 1.0 {
-        return Some(weight);
-    }
-    (rng.random::<f32>() < strength).then(|| weight.map(|w| w / strength))
 }
