@@ -109,10 +109,8 @@ impl Plan {
         check_size(path, header.layer_size.0, header.layer_size.1)?;
         check_block(path, header)?;
         let data = header.own_attributes.layer_position;
-        let offset = (
-            i64::from(data.0) - i64::from(display.position.0),
-            i64::from(data.1) - i64::from(display.position.1),
-        );
+        let offset =
+            (i64::from(data.0) - i64::from(display.position.0), i64::from(data.1) - i64::from(display.position.1));
         let types = list.iter().map(|c| c.sample_type).collect();
         Ok(Self { part, slots, types, channels: names.len(), width, height, offset })
     }

@@ -81,7 +81,11 @@ fn open(path: &Path) -> Result<(BufReader<File>, FileType)> {
     file.rewind().map_err(failed)?;
     match file_type(&first) {
         Some(file_type) => Ok((file, file_type)),
-        None => Err(Error::invalid(path.display().to_string(), describe(&first), "OpenEXR, Radiance HDR, PNG, TIFF or JPEG")),
+        None => Err(Error::invalid(
+            path.display().to_string(),
+            describe(&first),
+            "OpenEXR, Radiance HDR, PNG, TIFF or JPEG",
+        )),
     }
 }
 

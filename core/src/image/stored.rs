@@ -70,8 +70,9 @@ impl Stored {
                 data
             }
         };
-        Image::from_data(width, height, out, data)
-            .map_err(|_| Error::invalid(path.display().to_string(), "too few samples", format!("{width} x {height} pixels")))
+        Image::from_data(width, height, out, data).map_err(|_| {
+            Error::invalid(path.display().to_string(), "too few samples", format!("{width} x {height} pixels"))
+        })
     }
 }
 

@@ -47,8 +47,7 @@ pub(super) fn read(path: &Path, file: BufReader<File>) -> Result<Stored> {
 /// # Errors
 /// Damaged headers.
 pub(super) fn probe_size(path: &Path, file: impl BufRead + Seek) -> Result<(usize, usize)> {
-    let (width, height) =
-        Decoder::new(file).and_then(|mut d| d.dimensions()).map_err(|error| failure(path, error))?;
+    let (width, height) = Decoder::new(file).and_then(|mut d| d.dimensions()).map_err(|error| failure(path, error))?;
     Ok((width as usize, height as usize))
 }
 
@@ -81,7 +80,10 @@ fn interleaved<T: Copy>(samples: Vec<T>, planes: usize) -> Vec<T> {
         return samples;
     }
     let pixels = samples.len() / planes;
-    (0..pixels).flat_map(|pixel| (0..planes).map(move |plane| (pixel, plane))).map(|(i, p)| samples[p * pixels + i]).collect()
+    (0..pixels)
+        .flat_map(|pixel| (0..planes).map(move |plane| (pixel, plane)))
+        .map(|(i, p)| samples[p * pixels + i])
+        .collect()
 }
 
 /// Writes 32-bit float, linear, uncompressed; alpha, when there, is tagged as associated.

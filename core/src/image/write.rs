@@ -130,8 +130,7 @@ fn code_of(light: f32) -> f32 {
 fn write_jpeg(writer: impl Write + Seek, image: &Image) -> std::result::Result<(), ImageError> {
     let (width, height) = size_u32(image);
     let pixels = image.data().chunks_exact(image.channels());
-    let bytes: Vec<u8> =
-        pixels.flat_map(|p| [p[0], p[1], p[2]]).map(|c| (code_of(c) * 255.0).round() as u8).collect();
+    let bytes: Vec<u8> = pixels.flat_map(|p| [p[0], p[1], p[2]]).map(|c| (code_of(c) * 255.0).round() as u8).collect();
     JpegEncoder::new_with_quality(writer, JPEG_QUALITY).write_image(&bytes, width, height, ExtendedColorType::Rgb8)
 }
 
@@ -167,8 +166,10 @@ fn nearest_rgbe(colour: [f32; 3]) -> [f32; 3] {
 fn failure(path: &Path, error: ImageError) -> Error {
     match error {
         ImageError::IoError(source) => Error::io("write", path, source),
-        other => {
-            Error::invalid(path.display().to_string(), other.to_string(), "a picture that the chosen file type can hold")
-        }
+        other => Error::invalid(
+            path.display().to_string(),
+            other.to_string(),
+            "a picture that the chosen file type can hold",
+        ),
     }
 }

@@ -26,8 +26,8 @@ fn ball(right: f32, near: f32, radius: f32, material: Material) -> Object {
 }
 
 impl Scene {
-    /// A still life on a round table: a mirror ball, a glass ball, a gold ball of brushed metal, glossy and diffuse balls and
-    /// boxes. About 2.8 units wide, around the origin.
+    /// A still life on a round table: a mirror ball, a glass ball on a stand, a gold ball of rough metal, glossy and diffuse
+    /// balls and boxes. About 2.8 units wide, around the origin.
     pub fn demo() -> Self {
         let up = on_table(0.0, 1.0, 0.0) - on_table(0.0, 0.0, 0.0);
         let block = |right, near, half: V3, turn: f32, material| Object {
@@ -38,17 +38,24 @@ impl Scene {
             shape: Shape::Disc { centre: on_table(0.0, 0.0, 0.0), normal: up, radius: 1.9 },
             material: Material::Diffuse { albedo: [0.48, 0.46, 0.43] },
         };
+        let stand =
+            block(0.10, -0.10, V3::new(0.22, 0.26, 0.22), 0.5, Material::Diffuse { albedo: [0.62, 0.55, 0.42] });
+        let glass = Object {
+            shape: Shape::Sphere { centre: on_table(0.10, 0.52 + 0.004 + 0.33, -0.10), radius: 0.33 },
+            material: Material::Glass { index: 1.5 },
+        };
         let glossy = |albedo| Material::Glossy { albedo, alpha: 0.3 };
         Self {
             objects: vec![
                 table,
-                ball(-0.78, -0.45, 0.44, Material::Mirror { reflectance: [0.95, 0.95, 0.95] }),
-                ball(0.42, 0.52, 0.36, Material::Glass { index: 1.5 }),
-                ball(0.98, -0.38, 0.36, Material::RoughMetal { f0: [0.96, 0.74, 0.38], alpha: 0.3 }),
-                ball(-0.34, 0.55, 0.27, glossy([0.58, 0.07, 0.05])),
-                ball(-0.98, 0.42, 0.22, Material::Diffuse { albedo: [0.20, 0.42, 0.55] }),
-                block(0.10, -0.72, V3::new(0.27, 0.36, 0.27), 0.5, Material::Diffuse { albedo: [0.70, 0.62, 0.46] }),
-                block(1.12, 0.46, V3::new(0.17, 0.17, 0.17), 0.9, glossy([0.08, 0.30, 0.14])),
+                ball(-0.80, -0.45, 0.44, Material::Mirror { reflectance: [0.95, 0.95, 0.95] }),
+                // Its focus lies 1.5 radii behind its middle: raised, it spreads light again before the table.
+                glass,
+                ball(0.92, -0.40, 0.36, Material::RoughMetal { f0: [0.96, 0.74, 0.38], alpha: 0.3 }),
+                ball(-0.38, 0.60, 0.25, glossy([0.58, 0.07, 0.05])),
+                ball(-0.98, 0.40, 0.22, Material::Diffuse { albedo: [0.20, 0.42, 0.55] }),
+                stand,
+                block(0.88, 0.50, V3::new(0.18, 0.18, 0.18), 0.9, glossy([0.08, 0.30, 0.14])),
             ],
         }
     }

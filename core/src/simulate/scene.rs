@@ -33,15 +33,14 @@ pub(super) struct Hit {
 impl Scene {
     /// The nearest hit.
     pub(super) fn hit(&self, ray: &Ray) -> Option<Hit> {
-        let mut best: Option<(f32, usize, V3)> = None;
-        for (object, o) in self.objects.iter().enumerate() {
-            if let Some((t, normal)) = o.shape.hit(ray)
-                && best.is_none_or(|b| t < b.0)
-            {
-                best = Some((t, object, normal));
+        let (mut nearest, mut object) = (f32::INFINITY, None);
+        for (i, o) in self.objects.iter().enumerate() {
+            if let Some(t) = o.shape.hit(ray).filter(|t| *t < nearest) {
+                (nearest, object) = (t, Some(i));
             }
         }
-        best.map(|(t, object, normal)| Hit { object, point: ray.at(t), normal })
+        let point = ray.at(nearest);
+        object.map(|object| Hit { object, point, normal: self.objects[object].shape.normal(&point) })
     }
 
     /// Does anything but `own` (the convex body whose surface the ray leaves outwards) block a ray?

@@ -91,16 +91,28 @@ impl Shape {
         Self::Block { centre, half, axes: Matrix3::from_columns(&[turned, up, turned.cross(&up)]) }
     }
 
-    /// The nearest hit beyond [`EPSILON`], from outside or inside: distance and outward normal.
-    pub(super) fn hit(&self, ray: &Ray) -> Option<(f32, V3)> {
+    /// The nearest hit beyond [`EPSILON`], from outside or inside.
+    pub(super) fn hit(&self, ray: &Ray) -> Option<f32> {
         match self {
             Self::Sphere { centre, radius } => hit_sphere(ray, centre, *radius),
             Self::Block { centre, half, axes } => hit_block(ray, centre, half, axes),
             Self::Disc { centre, normal, radius } => {
                 let t = (centre - ray.origin).dot(normal) / ray.direction.dot(normal);
-                let inside = t > EPSILON && (ray.at(t) - centre).norm_squared() < radius * radius;
-                inside.then_some((t, *normal))
+                (t > EPSILON && (ray.at(t) - centre).norm_squared() < radius * radius).then_some(t)
             }
+        }
+    }
+
+    /// The outward unit normal at a point of the surface.
+    pub(super) fn normal(&self, point: &V3) -> V3 {
+        match self {
+            Self::Sphere { centre, .. } => (point - centre).normalize(),
+            Self::Block { centre, half, axes } => {
+                let own = axes.tr_mul(&(point - centre));
+                let axis = own.component_div(half).iamax();
+                axes.column(axis) * own[axis].signum()
+            }
+            Self::Disc { normal, .. } => *normal,
         }
     }
 
@@ -127,7 +139,7 @@ impl Shape {
     }
 }
 
-fn hit_sphere(ray: &Ray, centre: &V3, radius: f32) -> Option<(f32, V3)> {
+fn hit_sphere(ray: &Ray, centre: &V3, radius: f32) -> Option<f32> {
     let to = centre - ray.origin;
     let along = to.dot(&ray.direction);
     // The distance of the line from the middle, taken from the foot point: exact also far from a small ball.
@@ -137,23 +149,19 @@ fn hit_sphere(ray: &Ray, centre: &V3, radius: f32) -> Option<(f32, V3)> {
     }
     let half = room.sqrt();
     let t = if along - half > EPSILON { along - half } else { along + half };
-    (t > EPSILON).then(|| (t, (ray.at(t) - centre) / radius))
+    (t > EPSILON).then_some(t)
 }
 
-fn hit_block(ray: &Ray, centre: &V3, half: &V3, axes: &Matrix3<f32>) -> Option<(f32, V3)> {
+fn hit_block(ray: &Ray, centre: &V3, half: &V3, axes: &Matrix3<f32>) -> Option<f32> {
     let (o, d) = (axes.tr_mul(&(ray.origin - centre)), axes.tr_mul(&ray.direction));
-    let (mut near, mut far) = ((f32::NEG_INFINITY, 0), (f32::INFINITY, 0));
+    let (mut near, mut far) = (f32::NEG_INFINITY, f32::INFINITY);
     for a in 0..3 {
         let (t0, t1) = ((-half[a] - o[a]) / d[a], (half[a] - o[a]) / d[a]);
-        let (low, high) = (t0.min(t1), t0.max(t1));
-        near = if low > near.0 { (low, a) } else { near };
-        far = if high < far.0 { (high, a) } else { far };
+        near = near.max(t0.min(t1));
+        far = far.min(t0.max(t1));
     }
-    if near.0 > far.0 {
-        return None;
-    }
-    let (t, axis, sign) = if near.0 > EPSILON { (near.0, near.1, -1.0) } else { (far.0, far.1, 1.0) };
-    (t > EPSILON).then(|| (t, axes.column(axis) * (sign * d[axis].signum())))
+    let t = if near > EPSILON { near } else { far };
+    (near <= far && t > EPSILON).then_some(t)
 }
 
 fn shade_sphere(from: &V3, radius: f32, directions: Slices<'_>, visible: &mut [f32]) {

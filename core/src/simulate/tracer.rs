@@ -45,6 +45,8 @@ pub(super) struct Effort {
 const ROULETTE: f32 = 0.5;
 /// The same at the second and later bounces, which matter little and look alike.
 const LATER_ROULETTE: f32 = 1.5;
+/// Directions towards each mirror or glass after the first bounce; one later on.
+const SECOND_CONES: usize = 6;
 /// Glass splits into both branches while the weaker one carries more than this.
 const SPLIT: f32 = 0.02;
 /// Surfaces behind mirrors and glass count as seen by the camera above this weight.
@@ -139,7 +141,11 @@ impl<'a> Tracer<'a> {
             let one_minus_cos = if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 };
             let solid_angle = std::f32::consts::TAU * one_minus_cos;
             let wanted = self.effort.cone_density * solid_angle * peak(&weight) / self.effort.samples as f32;
-            let count = if stand.first { wanted.ceil().max(1.0) as usize } else { 1 };
+            let count = match (stand.first, stand.depth) {
+                (true, _) => wanted.ceil().max(1.0) as usize,
+                (false, 1) => SECOND_CONES,
+                _ => 1,
+            };
             let axis = to.normalize();
             for _ in 0..count {
                 let u = if stand.first { state.cones[i].next() } else { state.rng.random() };

@@ -48,20 +48,25 @@ impl<'a> Source<'a> {
         Self { map, rows, texels }
     }
 
-    /// A direction, and radiance over density; `None` of a black map.
-    fn draw(&self, u: [f32; 2]) -> Option<(V3, Rgb)> {
+    /// A direction in proportion to the power that comes from it; `None` of a black map.
+    fn draw(&self, u: [f32; 2]) -> Option<V3> {
         let (w, h) = self.map.image().size();
-        let total = *self.rows.last()?;
         let (j, across) = pick(&self.rows, f64::from(u[0]))?;
         let (i, along) = pick(&self.texels[j * w..(j + 1) * w], f64::from(u[1]))?;
         // Uniform in the texel: in longitude, and in the sine of latitude.
         let sine = |row: usize| (std::f64::consts::PI * (0.5 - row as f64 / h as f64)).sin();
         let y = sine(j) + across * (sine(j + 1) - sine(j));
         let equator = latlong::direction(i as f64 + along, h as f64 / 2.0, w, h);
-        let d = V3::new((equator.x * (1.0 - y * y).sqrt()) as f32, y as f32, (equator.z * (1.0 - y * y).sqrt()) as f32);
-        let pixel = self.map.image().pixel(i, j);
-        let scale = (total / power(pixel)) as f32;
-        Some((d, std::array::from_fn(|c| pixel[c] * scale)))
+        let sin = (1.0 - y * y).sqrt();
+        Some(V3::new((equator.x * sin) as f32, y as f32, (equator.z * sin) as f32))
+    }
+
+    /// Density of [`Self::draw`] where the map has this radiance, per steradian.
+    fn density(&self, radiance: &Rgb) -> f32 {
+        match self.rows.last() {
+            Some(total) if *total > 0.0 => (power(radiance) / total) as f32,
+            _ => 0.0,
+        }
     }
 }
 
@@ -85,21 +90,38 @@ struct MapCollector<'a> {
 }
 
 /// Light directions at a vertex that the camera sees.
-const DRAWS: usize = 2;
+const DRAWS: usize = 8;
+
+impl MapCollector<'_> {
+    /// One estimate of the light of map `n` at a vertex: a direction drawn from the map, and, `both`, one drawn from the
+    /// scattering too, combined by the balance heuristic (Veach 1997, eq. 9.8).
+    fn estimate(&self, n: usize, scene: &Scene, vertex: &Vertex, u: [f32; 2], both: Option<(f32, [f32; 2])>) -> Rgb {
+        let source = &self.sources[n];
+        let seen = |direction: &V3| {
+            let radiance = source.map.radiance(&direction.cast());
+            let scattered = vertex.scatter.towards(direction);
+            let density = source.density(&radiance) + both.map_or(0.0, |_| vertex.scatter.density(direction));
+            let ray = Ray { origin: vertex.point, direction: *direction };
+            let light = times(&scattered, &radiance, 1.0 / density.max(f32::MIN_POSITIVE));
+            if light == [0.0; 3] || scene.blocks(&ray, vertex.object) { [0.0; 3] } else { light }
+        };
+        let mut sum = source.draw(u).map_or([0.0; 3], |d| seen(&d));
+        if let Some((choice, u)) = both {
+            add(&mut sum, &seen(&vertex.scatter.draw(choice, u)));
+        }
+        sum
+    }
+}
 
 impl Collector for MapCollector<'_> {
     fn direct(&mut self, scene: &Scene, vertex: &Vertex, weight: &Rgb, first: bool, rng: &mut Pcg32) {
         let draws = if first { DRAWS } else { 1 };
-        for (n, source) in self.sources.iter().enumerate() {
+        for n in 0..self.sources.len() {
             for _ in 0..draws {
                 let u = if first { self.spread[n].next() } else { rng.random() };
-                let Some((direction, light)) = source.draw(u) else { continue };
-                let scattered = vertex.scatter.towards(&direction);
-                let ray = Ray { origin: vertex.point, direction };
-                if scattered != [0.0; 3] && !scene.blocks(&ray, vertex.object) {
-                    let seen = times(&times(weight, &scattered, 1.0), &light, 1.0 / draws as f32);
-                    add(&mut self.sums[n], &seen);
-                }
+                let both = (first && !vertex.scatter.is_diffuse()).then(|| rng.random());
+                let light = self.estimate(n, scene, vertex, u, both);
+                add(&mut self.sums[n], &times(weight, &light, 1.0 / draws as f32));
             }
         }
     }
