@@ -281,3 +281,54 @@ fn gather(vertex: &Vertex, weight: &Rgb, directions: Slices<'_>, visible: &[f32]
         b[j] += weight[2] * visible[j] * f[2];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::demo_lamps;
+
+    #[test]
+    fn cells_are_those_of_the_nearest_lamp_and_fill_the_coverage() {
+        let lamps = Directions::new(demo_lamps(150)).unwrap();
+        let cells = Cells::new(&lamps, 8, 1);
+        let mut rng = Pcg32::seed_from_u64(9);
+        for _ in 0..3000 {
+            let d = super::super::sampling::cone(&V3::y(), 1.0, rng.random());
+            let (found, nearest) = (cells.lamps_of(cells.finder.find(&d))[0] as usize, lamps.nearest(&d.cast()));
+            let cosine = |n: usize| lamps.lamps()[n].dot(&d.cast());
+            assert!(found == nearest || (cosine(found) - cosine(nearest)).abs() < 1e-6);
+        }
+        let sum: f64 = cells.solid_angle.iter().map(|s| f64::from(*s)).sum();
+        assert!((sum / lamps.covered_solid_angle() - 1.0).abs() < 1e-4);
+        let mut seen: Vec<u32> = (0..cells.len()).flat_map(|s| cells.lamps_of(s).to_vec()).collect();
+        seen.sort_unstable();
+        assert_eq!(seen, (0..150).collect::<Vec<u32>>());
+    }
+
+    #[test]
+    fn sample_points_lie_in_their_cells_and_average_to_the_middle() {
+        let lamps = Directions::new(demo_lamps(150)).unwrap();
+        let cells = Cells::new(&lamps, 4, 1);
+        let point = |set: usize, site: usize| {
+            let b = &cells.sets[set];
+            V3::new(b.x[site], b.y[site], b.z[site])
+        };
+        for site in 0..cells.len() {
+            (0..SETS).for_each(|set| assert_eq!(cells.finder.find(&point(set, site)), site));
+            // Aligned runs of 16 are stratified: their mean is that of all 64 to a fraction of the cell (about 0.2 wide).
+            let mean = |from: usize, n: usize| (from..from + n).map(|s| point(s, site)).sum::<V3>() / n as f32;
+            for run in 0..4 {
+                assert!((mean(16 * run, 16) - mean(0, 64)).norm() < 0.025, "cell {site}, run {run}");
+            }
+        }
+    }
+
+    #[test]
+    fn lamps_at_one_place_share_a_cell() {
+        let mut list = demo_lamps(40);
+        list.push(list[7]);
+        let cells = Cells::new(&Directions::new(list).unwrap(), 8, 1);
+        assert_eq!(cells.len(), 40);
+        assert!((0..40).any(|s| cells.lamps_of(s) == [7, 40]));
+    }
+}

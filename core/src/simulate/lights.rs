@@ -83,3 +83,34 @@ fn patch((width, height): (usize, usize), radiance: [f32; 3], inside: impl Fn(&V
         (0..height).into_par_iter().map(|j| (0..width).map(|i| coverage(i, j)).collect()).collect();
     EnvMap::new(Image::from_fn(width, height, |i, j| radiance.map(|r| r * rows[j][i])))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn power(map: &EnvMap) -> f64 {
+        let (w, h) = map.image().size();
+        (0..h)
+            .map(|j| {
+                map.image().row(j).iter().step_by(3).map(|v| f64::from(*v)).sum::<f64>()
+                    * latlong::texel_solid_angle(j, w, h)
+            })
+            .sum()
+    }
+
+    #[test]
+    fn a_window_and_a_strip_have_their_solid_angles() {
+        let size = (512, 256);
+        for centre in [Vec3::new(0.4, 0.7, 0.5), Vec3::y(), Vec3::new(-0.8, 0.3, -0.4)] {
+            let map = window(size, &centre, 10f64.to_radians(), [1.0; 3]).unwrap();
+            // A square of half side t at distance 1: 4 asin(t^2 / (1 + t^2)).
+            let t2 = 5f64.to_radians().tan().powi(2);
+            assert!((power(&map) / (4.0 * (t2 / (1.0 + t2)).asin()) - 1.0).abs() < 5e-3, "window at {centre}");
+        }
+        let map = strip(size, &Vec3::y(), &Vec3::x(), 5f64.to_radians(), 180f64.to_radians(), [1.0; 3]).unwrap();
+        let expected = std::f64::consts::TAU * 2.5f64.to_radians().sin();
+        assert!((power(&map) / expected - 1.0).abs() < 5e-3);
+        assert_eq!(map.radiance(&Vec3::new(0.6, 0.8, 0.0)), [1.0; 3]);
+        assert_eq!(map.radiance(&Vec3::new(0.6, 0.7, 0.3).normalize()), [0.0; 3]);
+    }
+}

@@ -220,3 +220,104 @@ impl Scatter {
         s * facet.x + t * facet.y + self.normal * facet.z
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+
+    fn rough() -> [Material; 3] {
+        [
+            Material::Diffuse { albedo: [1.0; 3] },
+            Material::Glossy { albedo: [1.0; 3], alpha: 0.3 },
+            Material::RoughMetal { f0: [1.0; 3], alpha: 0.3 },
+        ]
+    }
+
+    fn view(cos: f32) -> V3 {
+        V3::new((1.0 - cos * cos).sqrt(), 0.0, cos)
+    }
+
+    #[test]
+    fn fresnel_meets_its_known_values_and_is_the_same_from_both_sides() {
+        assert!((fresnel(1.0, 1.5) - 0.04).abs() < 1e-6);
+        assert!((fresnel(1e-4, 1.5) - 1.0).abs() < 1e-2);
+        // Brewster's angle, tan = 1.5: only the perpendicular part is left, ((n^2 - 1) / (n^2 + 1))^2 / 2.
+        let brewster = 1.0 / (1.0f32 + 2.25).sqrt();
+        assert!((fresnel(brewster, 1.5) - 0.5 * (1.25f32 / 3.25).powi(2)).abs() < 1e-6);
+        for cos in [0.9f32, 0.5, 0.2] {
+            let inner = (1.0 - (1.0 - cos * cos) / 2.25).sqrt();
+            assert!((fresnel(cos, 1.5) - fresnel(inner, 1.0 / 1.5)).abs() < 1e-5);
+        }
+        assert_eq!(fresnel(0.5, 1.0 / 1.5), 1.0);
+    }
+
+    #[test]
+    fn refraction_obeys_snell_and_turns_back() {
+        let (flight, normal) = (V3::new(0.6, 0.0, -0.8), V3::z());
+        let bent = refract(&flight, &normal, 1.5);
+        assert!((bent.x - 0.6 / 1.5).abs() < 1e-6 && bent.z < 0.0);
+        assert!((refract(&-bent, &-normal, 1.0 / 1.5) + flight).norm() < 1e-5);
+    }
+
+    #[test]
+    fn scattering_is_reciprocal() {
+        let (a, b) = (V3::new(0.3, -0.4, 0.866).normalize(), V3::new(-0.7, 0.1, 0.4).normalize());
+        for material in rough() {
+            let there = Scatter::new(&material, V3::z(), a).unwrap().towards(&b).map(|f| f / b.z);
+            let back = Scatter::new(&material, V3::z(), b).unwrap().towards(&a).map(|f| f / a.z);
+            (0..3).for_each(|c| assert!((there[c] / back[c] - 1.0).abs() < 1e-4, "{material:?}"));
+        }
+    }
+
+    #[test]
+    fn no_material_makes_energy_and_lambert_keeps_all() {
+        for material in rough() {
+            for cos in [1.0, 0.7, 0.4, 0.15] {
+                let scatter = Scatter::new(&material, V3::z(), view(cos)).unwrap();
+                let n = 200;
+                let sum: f64 = (0..n * n)
+                    .map(|k| {
+                        let u = [((k % n) as f32 + 0.5) / n as f32, ((k / n) as f32 + 0.5) / n as f32];
+                        f64::from(scatter.towards(&sampling::cone(&V3::z(), 1.0, u))[0])
+                    })
+                    .sum();
+                let albedo = sum * std::f64::consts::TAU / f64::from(n * n);
+                assert!(albedo < 1.001, "{material:?} at cos {cos}: {albedo}");
+                assert!(albedo > if matches!(material, Material::Diffuse { .. }) { 0.999 } else { 0.75 });
+            }
+        }
+    }
+
+    /// The density integrates to one over the sphere, and its draws estimate the same albedo as plain integration.
+    #[test]
+    fn draws_follow_their_density() {
+        let mut rng = Pcg32::seed_from_u64(3);
+        for material in rough() {
+            for cos in [0.95, 0.5, 0.2] {
+                let scatter = Scatter::new(&material, V3::z(), view(cos)).unwrap();
+                let n = 400;
+                let (mut total, mut plain) = (0.0, 0.0);
+                for k in 0..n * n {
+                    let u = [((k % n) as f32 + 0.5) / n as f32, ((k / n) as f32 + 0.5) / n as f32];
+                    let d = sampling::cone(&V3::z(), 2.0, u);
+                    total += f64::from(scatter.density(&d));
+                    plain += f64::from(scatter.towards(&d)[0]);
+                }
+                let area = 2.0 * std::f64::consts::TAU / f64::from(n * n);
+                let draws = 40_000;
+                let drawn: f64 = (0..draws)
+                    .map(|_| {
+                        let d = scatter.draw(rng.random(), rng.random());
+                        f64::from(scatter.towards(&d)[0] / scatter.density(&d))
+                    })
+                    .sum();
+                let (total, plain, drawn) = (total * area, plain * area, drawn / f64::from(draws));
+                assert!((total - 1.0).abs() < 5e-3, "{material:?} at {cos}: density sums to {total}");
+                assert!((drawn / plain - 1.0).abs() < 1e-2, "{material:?} at {cos}: {drawn} is not {plain}");
+            }
+        }
+    }
+}

@@ -30,6 +30,8 @@ mod sampling;
 mod scene;
 mod shape;
 mod stage;
+#[cfg(test)]
+mod tests;
 mod tracer;
 mod truth;
 

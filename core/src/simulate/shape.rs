@@ -201,3 +201,108 @@ fn shade_disc(from: &V3, normal: &V3, radius: f32, directions: Slices<'_>, visib
         visible[j] = if blocked { 0.0 } else { visible[j] };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
+
+    use super::*;
+    use crate::simulate::sampling;
+
+    fn shapes() -> [Shape; 3] {
+        [
+            Shape::Sphere { centre: V3::new(0.2, -0.1, 0.3), radius: 0.5 },
+            Shape::block(V3::new(-0.2, 0.1, 0.0), V3::new(0.3, 0.5, 0.2), V3::new(0.0, 0.6, 0.8), 0.7),
+            Shape::Disc { centre: V3::new(0.0, -0.2, 0.1), normal: V3::new(0.36, 0.48, 0.8), radius: 0.7 },
+        ]
+    }
+
+    /// Signed "how far outside", from the definition of the shapes.
+    fn outside(shape: &Shape, p: &V3) -> f32 {
+        match shape {
+            Shape::Sphere { centre, radius } => (p - centre).norm() - radius,
+            Shape::Block { centre, half, axes } => {
+                let own = axes.tr_mul(&(p - centre));
+                (0..3).map(|a| own[a].abs() - half[a]).fold(f32::MIN, f32::max)
+            }
+            Shape::Disc { centre, normal, .. } => (p - centre).dot(normal),
+        }
+    }
+
+    fn random_direction(rng: &mut Pcg32) -> V3 {
+        sampling::cone(&V3::z(), 2.0, rng.random())
+    }
+
+    #[test]
+    fn hits_agree_with_marching_along_the_ray() {
+        let mut rng = Pcg32::seed_from_u64(5);
+        for shape in shapes() {
+            let mut hits = 0;
+            for _ in 0..400 {
+                let origin = random_direction(&mut rng) * 2.0;
+                let ray = Ray { origin, direction: (random_direction(&mut rng) * 0.6 - origin).normalize() };
+                let sign = outside(&shape, &ray.origin).signum();
+                let crossing = (1..4000).map(|k| k as f32 * 1e-3).find(|t| outside(&shape, &ray.at(*t)) * sign < 0.0);
+                let inside_rim = |t: &f32| match &shape {
+                    Shape::Disc { centre, radius, .. } => (ray.at(*t) - centre).norm() < *radius,
+                    _ => true,
+                };
+                match (shape.hit(&ray), crossing.filter(inside_rim)) {
+                    (Some(t), Some(marched)) => {
+                        hits += 1;
+                        assert!((t - marched).abs() < 2e-3, "{t} is not {marched}");
+                        // Outward: a step along the normal leaves.
+                        let step = ray.at(t) + shape.normal(&ray.at(t)) * 1e-2;
+                        assert!(outside(&shape, &step) > 5e-3);
+                    }
+                    (None, None) => {}
+                    // Grazing hits may fall between two steps or on the rim.
+                    (Some(t), None) => assert!(outside(&shape, &ray.at(t + 1e-3)).abs() < 0.03),
+                    (None, Some(t)) => assert!(outside(&shape, &ray.at(t)).abs() < 0.03),
+                }
+            }
+            assert!(hits > 100, "only {hits} hits");
+        }
+    }
+
+    #[test]
+    fn shadows_of_many_directions_are_hits_of_single_rays() {
+        let mut rng = Pcg32::seed_from_u64(6);
+        let mut bundle = Bundle::default();
+        (0..500).for_each(|_| bundle.push(random_direction(&mut rng)));
+        for shape in shapes() {
+            let mut blocked = 0;
+            for _ in 0..20 {
+                let origin = random_direction(&mut rng) * 1.2;
+                let mut visible = vec![1.0; 500];
+                shape.shade(&origin, bundle.slice(0..500), &mut visible);
+                for (j, v) in visible.iter().enumerate() {
+                    let direction = V3::new(bundle.x[j], bundle.y[j], bundle.z[j]);
+                    let hit = shape.hit(&Ray { origin, direction }).is_some();
+                    // Rounding decides rays that graze a rim: give them 1e-4.
+                    if (*v == 0.0) != hit {
+                        let near = |e: f32| {
+                            let d = (direction + random_direction(&mut Pcg32::seed_from_u64(j as u64)) * e).normalize();
+                            shape.hit(&Ray { origin, direction: d }).is_some()
+                        };
+                        assert!(near(1e-3) != near(-1e-3), "direction {j}");
+                    }
+                    blocked += usize::from(hit);
+                }
+            }
+            assert!(blocked > 100, "only {blocked} blocked");
+        }
+    }
+
+    #[test]
+    fn rays_inside_glass_find_the_far_side() {
+        for shape in &shapes()[..2] {
+            let (centre, _) = shape.bounds();
+            let ray = Ray { origin: centre, direction: V3::new(0.6, 0.0, 0.8) };
+            let t = shape.hit(&ray).expect("a closed body");
+            assert!(outside(shape, &ray.at(t)).abs() < 1e-5);
+            assert!(shape.normal(&ray.at(t)).dot(&ray.direction) > 0.0);
+        }
+    }
+}
