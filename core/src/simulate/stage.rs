@@ -37,6 +37,11 @@ impl Default for Quality {
 }
 
 impl Quality {
+    /// What the demonstration's [`truth`](super::truth) uses: more camera rays, fewer bounces for each.
+    pub fn truth() -> Self {
+        Self { samples: 64, bounces: 8, ..Self::default() }
+    }
+
     pub(super) fn effort(&self) -> Effort {
         Effort { samples: self.samples, bounces: self.bounces, cone_density: self.cone_density, depth: self.depth }
     }
