@@ -6,7 +6,7 @@
 
 use std::sync::LazyLock;
 
-use relume_core::math::srgb;
+use relume_core::image::srgb;
 
 use crate::host::{AlphaState, Components, Depth, Layout};
 

@@ -7,8 +7,8 @@ use relume_core::Result;
 use relume_core::domain::Directions;
 use relume_core::field::{Access, Asset, BLOCK_HEIGHT, BLOCK_WIDTH, Bands, Contents, Precision, write};
 use relume_core::illumination::EnvMap;
-use relume_core::image::{EncodeOptions, Image, Window};
-use relume_core::math::{Vec3, srgb};
+use relume_core::image::{EncodeOptions, Image, Window, srgb};
+use relume_core::math::Vec3;
 use relume_core::relight::{Light, Look, Relighter};
 use relume_tests::host::{Components, Context, Depth, Host, Instance, Options, Rect, RenderArgs, TestImage};
 
