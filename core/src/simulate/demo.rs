@@ -39,7 +39,7 @@ impl Scene {
             material: Material::Diffuse { albedo: [0.48, 0.46, 0.43] },
         };
         let stand =
-            block(0.10, -0.10, V3::new(0.22, 0.26, 0.22), 0.5, Material::Diffuse { albedo: [0.62, 0.55, 0.42] });
+            block(0.10, -0.10, V3::new(0.10, 0.26, 0.10), 0.5, Material::Diffuse { albedo: [0.62, 0.55, 0.42] });
         let glass = Object {
             shape: Shape::Sphere { centre: on_table(0.10, 0.52 + 0.004 + 0.33, -0.10), radius: 0.33 },
             material: Material::Glass { index: 1.5 },
@@ -49,7 +49,8 @@ impl Scene {
             objects: vec![
                 table,
                 ball(-0.80, -0.45, 0.44, Material::Mirror { reflectance: [0.95, 0.95, 0.95] }),
-                // Its focus lies 1.5 radii behind its middle: raised, it spreads light again before the table.
+                // Its focus lies 1.5 radii behind its middle: raised on a slender stand, it spreads light again before the
+                // table, as an object on a stage should: a focus on a surface is finer than any lamp's cell (4.2).
                 glass,
                 ball(0.92, -0.40, 0.36, Material::RoughMetal { f0: [0.96, 0.74, 0.38], alpha: 0.3 }),
                 ball(-0.38, 0.60, 0.25, glossy([0.58, 0.07, 0.05])),

@@ -25,6 +25,25 @@ impl Spread {
     }
 }
 
+/// A one-dimensional low-discrepancy sequence, multiples of the golden ratio from a random start; it goes with a [`Spread`]
+/// as the third dimension.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Steps(u32);
+
+impl Steps {
+    /// Starts at a random shift.
+    pub fn new(shift: u32) -> Self {
+        Self(shift)
+    }
+
+    /// The next number, `[0, 1)`.
+    pub fn next(&mut self) -> f32 {
+        // 2^32 over the golden ratio.
+        self.0 = self.0.wrapping_add(2_654_435_769);
+        unit(self.0)
+    }
+}
+
 /// 24 bits of an integer as a number in `[0, 1)`.
 pub(super) fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 * (1.0 / (1 << 24) as f32)

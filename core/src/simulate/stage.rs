@@ -34,14 +34,14 @@ pub struct Quality {
 impl Default for Quality {
     /// What the demonstration uses.
     fn default() -> Self {
-        Self { samples: 16, bounces: 16, stride: 8, cone_density: 6000.0, depth: 6, seed: 1 }
+        Self { samples: 16, bounces: 16, stride: 8, cone_density: 10_000.0, depth: 6, seed: 1 }
     }
 }
 
 impl Quality {
-    /// What the demonstration's [`truth`](super::truth) uses: more camera rays, fewer bounces for each.
+    /// What the demonstration's [`truth`](super::truth) uses: more camera rays, and numbers of its own.
     pub fn truth() -> Self {
-        Self { samples: 64, bounces: 8, ..Self::default() }
+        Self { samples: 64, seed: 101, ..Self::default() }
     }
 
     pub(super) fn effort(&self) -> Effort {

@@ -6,7 +6,7 @@ use rand_pcg::Pcg32;
 use super::V3;
 use super::camera::Camera;
 use super::material::{Material, Rgb, Scatter, fresnel, reflect, refract};
-use super::sampling::{Spread, cone};
+use super::sampling::{Spread, Steps, cone};
 use super::scene::{Hit, Scene};
 use super::shape::Ray;
 
@@ -66,6 +66,7 @@ pub(super) struct Tracer<'a> {
 struct State {
     rng: Pcg32,
     bounce: Spread,
+    lobe: Steps,
     cones: Vec<Spread>,
 }
 
@@ -95,9 +96,9 @@ impl<'a> Tracer<'a> {
     pub fn pixel(&self, camera: &Camera, x: usize, y: usize, seed: u64, out: &mut dyn Collector) {
         let mut rng = Pcg32::seed_from_u64(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y * camera.width + x) as u64);
         let mut film = Spread::new(rng.random());
-        let bounce = Spread::new(rng.random());
+        let (bounce, lobe) = (Spread::new(rng.random()), Steps::new(rng.random()));
         let cones = self.speculars.iter().map(|_| Spread::new(rng.random())).collect();
-        let mut state = State { rng, bounce, cones };
+        let mut state = State { rng, bounce, lobe, cones };
         for _ in 0..self.effort.samples {
             let [u, v] = film.next();
             let ray = camera.ray(x as f32 + u, y as f32 + v);
@@ -163,8 +164,9 @@ impl<'a> Tracer<'a> {
 
     /// Light from other rough surfaces.
     fn bounce(&self, vertex: &Vertex, weight: Rgb, stand: Stand, state: &mut State, out: &mut dyn Collector) {
-        let u = if stand.first { state.bounce.next() } else { state.rng.random() };
-        let direction = vertex.scatter.draw(state.rng.random(), u);
+        let (lobe, u) =
+            if stand.first { (state.lobe.next(), state.bounce.next()) } else { (state.rng.random(), state.rng.random()) };
+        let direction = vertex.scatter.draw(lobe, u);
         let scattered = vertex.scatter.towards(&direction);
         if peak(&scattered) <= 0.0 {
             return;

@@ -8,14 +8,14 @@ use rand_pcg::Pcg32;
 use rayon::prelude::*;
 
 use crate::domain::Directions;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::illumination::EnvMap;
 use crate::image::Image;
 use crate::math::latlong;
 
 use super::camera::Camera;
 use super::material::Rgb;
-use super::sampling::Spread;
+use super::sampling::{Spread, Steps};
 use super::scene::Scene;
 use super::shape::Ray;
 use super::stage::Quality;
@@ -86,8 +86,21 @@ fn pick(sums: &[f64], u: f64) -> Option<(usize, f64)> {
 /// Collects one pixel under several maps at once.
 struct MapCollector<'a> {
     sources: &'a [Source<'a>],
-    spread: Vec<Spread>,
+    draws: Vec<Draws>,
     sums: Vec<Rgb>,
+}
+
+/// Well-spread numbers for one map at the vertices that the camera sees: light, scattering, and which lobe.
+struct Draws {
+    light: Spread,
+    scatter: Spread,
+    lobe: Steps,
+}
+
+impl Draws {
+    fn new(rng: &mut Pcg32) -> Self {
+        Self { light: Spread::new(rng.random()), scatter: Spread::new(rng.random()), lobe: Steps::new(rng.random()) }
+    }
 }
 
 /// Light directions at a vertex that the camera sees.
@@ -119,8 +132,10 @@ impl Collector for MapCollector<'_> {
         let draws = if first { DRAWS } else { 1 };
         for n in 0..self.sources.len() {
             for _ in 0..draws {
-                let u = if first { self.spread[n].next() } else { rng.random() };
-                let both = (first && !vertex.scatter.is_diffuse()).then(|| rng.random());
+                let spread = &mut self.draws[n];
+                let u = if first { spread.light.next() } else { rng.random() };
+                let glossy = first && !vertex.scatter.is_diffuse();
+                let both = glossy.then(|| (spread.lobe.next(), spread.scatter.next()));
                 let light = self.estimate(n, scene, vertex, u, both);
                 add(&mut self.sums[n], &times(weight, &light, 1.0 / draws as f32));
             }
@@ -128,8 +143,14 @@ impl Collector for MapCollector<'_> {
     }
 
     fn leave(&mut self, ray: &Ray, weight: &Rgb) {
+        let Some(first) = self.sources.first() else { return };
+        // Maps are of one size: where the ray leaves is found once for all.
+        let (w, h) = first.map.image().size();
+        let (u, v) = latlong::coordinates(&ray.direction.cast(), w, h);
+        let (i, j) = ((u as usize).min(w - 1), (v as usize).min(h - 1));
         for (sum, source) in self.sums.iter_mut().zip(self.sources) {
-            add(sum, &times(weight, &source.map.radiance(&ray.direction.cast()), 1.0));
+            let radiance = source.map.image().pixel(i, j);
+            add(sum, &times(weight, &[radiance[0], radiance[1], radiance[2]], 1.0));
         }
     }
 }
@@ -143,7 +164,7 @@ fn add(sum: &mut Rgb, light: &Rgb) {
 /// samples. Texels count by their middle. `quality.stride` is not used.
 ///
 /// # Errors
-/// What `progress` returns, to stop.
+/// Maps of different sizes; what `progress` returns, to stop.
 pub fn truth(
     scene: &Scene,
     camera: &Camera,
@@ -152,6 +173,10 @@ pub fn truth(
     quality: &Quality,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<Image>> {
+    if let Some(other) = maps.iter().find(|m| m.image().size() != maps[0].image().size()) {
+        let (found, expected) = (other.image().size(), maps[0].image().size());
+        return Err(Error::invalid("environment maps", format!("sizes {expected:?} and {found:?}"), "one size"));
+    }
     let covered: Vec<EnvMap> = maps.iter().map(|m| covered(m, lamps)).collect();
     let sources: Vec<Source<'_>> = covered.iter().map(Source::new).collect();
     let tracer = Tracer::new(scene, quality.effort());
@@ -159,8 +184,8 @@ pub fn truth(
     let mut pictures = vec![Image::new(w, h, 3); maps.len()];
     let pixel = |x: usize, y: usize| {
         let mut rng = Pcg32::new(quality.seed ^ 0x7274_7574_6800, (y * w + x) as u64);
-        let spread = sources.iter().map(|_| Spread::new(rng.random())).collect();
-        let mut collector = MapCollector { sources: &sources, spread, sums: vec![[0.0; 3]; maps.len()] };
+        let draws = sources.iter().map(|_| Draws::new(&mut rng)).collect();
+        let mut collector = MapCollector { sources: &sources, draws, sums: vec![[0.0; 3]; maps.len()] };
         tracer.pixel(camera, x, y, quality.seed ^ 0x7472_7574_6800, &mut collector);
         collector.sums
     };
