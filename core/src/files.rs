@@ -65,3 +65,86 @@ impl PermissionsLikeUmask for tempfile::Builder<'_, '_> {
         self
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_finished_body_replaces_the_target() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        std::fs::write(&path, "old").unwrap();
+        let value = write_whole(&path, |w| {
+            w.write_all(b"new").map_err(|e| Error::io("write", &path, e))?;
+            Ok(7)
+        });
+        assert_eq!(value.unwrap(), 7);
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_failed_body_leaves_the_target_and_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        std::fs::write(&path, "old").unwrap();
+        let result: Result<()> = write_whole(&path, |w| {
+            w.write_all(&[0; 1 << 21]).map_err(|e| Error::io("write", &path, e))?;
+            Err(Error::Cancelled)
+        });
+        assert!(matches!(result, Err(Error::Cancelled)));
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_panicking_body_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.txt");
+        let caught = std::panic::catch_unwind(|| write_whole::<()>(&path, |_| panic!("a bug in the body")));
+        assert!(caught.is_err());
+        assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn an_absent_folder_is_named_and_not_made() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("no/such/a.txt");
+        let message = write_whole(&path, |_| Ok(())).unwrap_err().to_string();
+        assert!(message.contains("a.txt") && message.contains("does not exist"), "{message}");
+        assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn a_folder_in_the_way_is_refused_and_nothing_is_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("taken");
+        std::fs::create_dir(&path).unwrap();
+        assert!(matches!(write_whole(&path, |_| Ok(())), Err(Error::Io { .. })));
+        assert_eq!(names(folder.path()), ["taken"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_new_file_has_the_permissions_of_any_new_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (ours, plain) = (folder.path().join("ours"), folder.path().join("plain"));
+        write_whole(&ours, |_| Ok(())).unwrap();
+        std::fs::write(&plain, "").unwrap();
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode(&ours), mode(&plain));
+    }
+
+    #[test]
+    fn bare_names_lie_in_the_current_folder() {
+        assert_eq!(folder_of(Path::new("a.exr")), Path::new("."));
+        assert_eq!(folder_of(Path::new("x/a.exr")), Path::new("x"));
+        assert_eq!(folder_of(Path::new("/a.exr")), Path::new("/"));
+    }
+}

@@ -95,12 +95,8 @@ impl Plan {
         let header = &meta.headers[part];
         let list = &header.channels.list;
         let slots: Vec<_> = list.iter().map(|c| names.iter().position(|n| *n == c.name.to_string())).collect();
-        if let Some((channel, _)) =
-            list.iter().zip(&slots).find(|(c, s)| s.is_some() && c.sampling != Vec2(1, 1)).or_else(|| {
-                // The crate lays out blocks as if no channel were subsampled: a foreign one would shift ours.
-                list.iter().zip(&slots).find(|(c, _)| c.sampling != Vec2(1, 1))
-            })
-        {
+        // The crate lays out blocks as if nothing were subsampled: even a channel that is not wanted would shift ours.
+        if let Some(channel) = list.iter().find(|c| c.sampling != Vec2(1, 1)) {
             return Err(unsupported(path, format!("the subsampled channel {}", channel.name)));
         }
         let display = header.shared_attributes.display_window;
@@ -285,5 +281,272 @@ fn unsupported(path: &Path, what: String) -> Error {
         place: path.display().to_string(),
         what,
         advice: "convert the file to flat R, G, B channels of half or float".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use ::exr::meta::attribute::IntegerBounds;
+    use exrs::{AnyChannel, AnyChannels, Blocks, Compression, FlatSamples, Layer, LayerAttributes, LineOrder};
+
+    use super::super::{Encoding, probe_size, read, write};
+    use super::*;
+
+    const WIDTH: usize = 37;
+    const HEIGHT: usize = 29;
+
+    /// Smooth, so that lossy compression stays close; every pixel and channel differs.
+    fn sample(x: usize, y: usize, c: usize) -> f32 {
+        0.25 + 0.5 * (x as f32 / WIDTH as f32) + 0.25 * (y as f32 / HEIGHT as f32) + 0.125 * c as f32
+    }
+
+    fn floats(c: usize) -> FlatSamples {
+        FlatSamples::F32((0..WIDTH * HEIGHT).map(|i| sample(i % WIDTH, i / WIDTH, c)).collect())
+    }
+
+    fn halves(c: usize) -> FlatSamples {
+        FlatSamples::F16((0..WIDTH * HEIGHT).map(|i| f16::from_f32(sample(i % WIDTH, i / WIDTH, c))).collect())
+    }
+
+    fn layer(
+        name: &str,
+        channels: &[(&str, FlatSamples)],
+        compression: Compression,
+        blocks: Blocks,
+    ) -> Layer<AnyChannels<FlatSamples>> {
+        let channels = channels.iter().map(|(name, samples)| AnyChannel::new(*name, samples.clone())).collect();
+        let encoding = exrs::Encoding { compression, blocks, line_order: LineOrder::Increasing };
+        Layer::new((WIDTH, HEIGHT), LayerAttributes::named(name), encoding, AnyChannels::sort(channels))
+    }
+
+    fn rgb(kind: fn(usize) -> FlatSamples) -> [(&'static str, FlatSamples); 3] {
+        [("R", kind(0)), ("G", kind(1)), ("B", kind(2))]
+    }
+
+    struct Folder(tempfile::TempDir);
+
+    impl Folder {
+        fn new() -> Self {
+            Self(tempfile::tempdir().unwrap())
+        }
+
+        fn file(&self) -> PathBuf {
+            self.0.path().join("a.exr")
+        }
+
+        fn with(&self, layer: Layer<AnyChannels<FlatSamples>>) -> PathBuf {
+            exrs::Image::from_layer(layer).write().to_file(self.file()).unwrap();
+            self.file()
+        }
+    }
+
+    fn assert_picture(path: &Path, tolerance: f32, channels: [usize; 3]) {
+        let image = read(path, Encoding::Auto).unwrap();
+        assert_eq!((image.size(), image.channels()), ((WIDTH, HEIGHT), 3));
+        assert_eq!(probe_size(path).unwrap(), (WIDTH, HEIGHT));
+        for (i, pixel) in image.data().chunks(3).enumerate() {
+            for c in 0..3 {
+                let expected = sample(i % WIDTH, i / WIDTH, channels[c]);
+                let difference = (pixel[c] - expected).abs();
+                assert!(difference <= tolerance, "pixel {i}, channel {c}: {} is not {expected}", pixel[c]);
+            }
+        }
+    }
+
+    #[test]
+    fn every_compression_and_block_layout_reads_the_same() {
+        let folder = Folder::new();
+        for blocks in [Blocks::ScanLines, Blocks::Tiles(Vec2(16, 8)), Blocks::Tiles(Vec2(64, 64))] {
+            use Compression::*;
+            for compression in [Uncompressed, RLE, ZIP1, ZIP16, PIZ] {
+                assert_picture(&folder.with(layer("", &rgb(floats), compression, blocks)), 0.0, [0, 1, 2]);
+            }
+            for compression in [Uncompressed, RLE, ZIP1, ZIP16, PIZ, PXR24] {
+                // Half of the spacing of halves below 2.
+                let path = folder.with(layer("", &rgb(halves), compression, blocks));
+                assert_picture(&path, 0.5 / 1024.0, [0, 1, 2]);
+            }
+            // B44 keeps 6 bits of difference in 4x4 blocks, DWA is perceptual: about a percent on a ramp.
+            for compression in [B44, B44A, DWAA(Some(45.0)), DWAB(Some(45.0))] {
+                let path = folder.with(layer("", &rgb(halves), compression, blocks));
+                assert_picture(&path, 0.02, [0, 1, 2]);
+            }
+        }
+    }
+
+    #[test]
+    fn uint_samples_are_numbers() {
+        let folder = Folder::new();
+        let channel = |c: usize| FlatSamples::U32((0..WIDTH * HEIGHT).map(|i| (i * 3 + c) as u32).collect());
+        let image = read(&folder.with(layer("", &rgb(channel), Compression::ZIP16, Blocks::ScanLines)), Encoding::Auto);
+        assert_eq!(image.unwrap().pixel(2, 1), [(WIDTH + 2) as f32 * 3.0, 118.0, 119.0]);
+    }
+
+    #[test]
+    fn one_channel_is_grey() {
+        let folder = Folder::new();
+        for channels in [vec![("Y", floats(1))], vec![("depth.Z", floats(1))]] {
+            let path = folder.with(layer("", &channels, Compression::ZIP16, Blocks::ScanLines));
+            assert_picture(&path, 0.0, [1, 1, 1]);
+        }
+        let path = folder.with(layer("", &[("Y", floats(1)), ("A", floats(0))], Compression::PIZ, Blocks::ScanLines));
+        let image = read(&path, Encoding::Auto).unwrap();
+        assert_eq!(image.pixel(3, 2), [sample(3, 2, 1), sample(3, 2, 1), sample(3, 2, 1), sample(3, 2, 0)]);
+    }
+
+    #[test]
+    fn colour_is_found_without_and_with_a_layer_name() {
+        let folder = Folder::new();
+        let mut named = [("beauty.R", floats(0)), ("beauty.G", floats(1)), ("beauty.B", floats(2))].to_vec();
+        named.push(("albedo.X", floats(5)));
+        assert_picture(&folder.with(layer("", &named, Compression::RLE, Blocks::ScanLines)), 0.0, [0, 1, 2]);
+        named.extend([("R", floats(3)), ("G", floats(4)), ("B", floats(5))]);
+        assert_picture(&folder.with(layer("", &named, Compression::RLE, Blocks::ScanLines)), 0.0, [3, 4, 5]);
+    }
+
+    #[test]
+    fn of_several_parts_the_first_with_colour_is_read() {
+        let folder = Folder::new();
+        let depth = layer("depth", &[("Z", floats(6))], Compression::ZIP16, Blocks::ScanLines);
+        let tiles = Blocks::Tiles(Vec2(8, 8));
+        let beauty = layer("beauty", &rgb(floats), Compression::ZIP1, tiles);
+        let other = layer(
+            "other",
+            &[("R", floats(3)), ("G", floats(4)), ("B", floats(5))],
+            Compression::PIZ,
+            Blocks::ScanLines,
+        );
+        let attributes = exrs::ImageAttributes::with_size((WIDTH, HEIGHT));
+        let image = exrs::Image::empty(attributes).with_layer(depth).with_layer(beauty).with_layer(other);
+        image.write().to_file(folder.file()).unwrap();
+        assert_picture(&folder.file(), 0.0, [0, 1, 2]);
+    }
+
+    #[test]
+    fn mip_maps_give_their_full_resolution() {
+        let folder = Folder::new();
+        let channels = [(0, "R"), (1, "G"), (2, "B")].map(|(c, name)| {
+            let mut levels = vec![floats(c)];
+            // Level n of a map rounded down: each side halved, at least 1.
+            for n in 1..=5 {
+                let size = (WIDTH >> n).max(1) * (HEIGHT >> n).max(1);
+                levels.push(FlatSamples::F32(vec![-1.0; size]));
+            }
+            AnyChannel::new(
+                name,
+                exrs::Levels::Mip { rounding_mode: ::exr::math::RoundingMode::Down, level_data: levels },
+            )
+        });
+        let encoding = exrs::Encoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::Tiles(Vec2(16, 16)),
+            line_order: LineOrder::Increasing,
+        };
+        let channels = AnyChannels::sort(channels.into_iter().collect());
+        let layer = Layer::new((WIDTH, HEIGHT), LayerAttributes::default(), encoding, channels);
+        exrs::Image::from_layer(layer).write().to_file(folder.file()).unwrap();
+        assert_picture(&folder.file(), 0.0, [0, 1, 2]);
+    }
+
+    #[test]
+    fn the_data_window_is_placed_into_the_display_window() {
+        let folder = Folder::new();
+        let mut shifted = layer("", &rgb(floats), Compression::ZIP16, Blocks::Tiles(Vec2(16, 16)));
+        // Display window: x from 10, y from -5. Data window: x from 8 (two columns cropped), y from -3 (two rows padded).
+        shifted.attributes.layer_position = Vec2(8, -3);
+        let display = IntegerBounds::new(Vec2(10, -5), Vec2(40, 20));
+        let image = exrs::Image::new(exrs::ImageAttributes::new(display), shifted);
+        image.write().to_file(folder.file()).unwrap();
+        let image = read(&folder.file(), Encoding::Auto).unwrap();
+        assert_eq!(image.size(), (40, 20));
+        assert_eq!(probe_size(&folder.file()).unwrap(), (40, 20));
+        for y in 0..20 {
+            for x in 0..40 {
+                let inside = y >= 2 && x + 2 < WIDTH;
+                let expected = if inside { [0, 1, 2].map(|c| sample(x + 2, y - 2, c)) } else { [0.0; 3] };
+                assert_eq!(image.pixel(x, y), expected, "pixel ({x}, {y})");
+            }
+        }
+    }
+
+    #[test]
+    fn nan_is_refused_by_pixel_and_channel() {
+        let folder = Folder::new();
+        let mut channels = rgb(floats);
+        let FlatSamples::F32(green) = &mut channels[1].1 else { unreachable!() };
+        green[4 * WIDTH + 9] = f32::NAN;
+        let path = folder.with(layer("", &channels, Compression::ZIP16, Blocks::ScanLines));
+        let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("a.exr, pixel (9, 4), channel G: found NaN"), "{message}");
+    }
+
+    #[test]
+    fn what_is_no_picture_is_refused_with_its_channels() {
+        let folder = Folder::new();
+        let path = folder.with(layer("", &[("u", floats(0)), ("v", floats(1))], Compression::RLE, Blocks::ScanLines));
+        let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("found the channels u, v, expected R, G, B"), "{message}");
+        let chroma = [("Y", halves(0)), ("RY", halves(1)), ("BY", halves(2))];
+        let path = folder.with(layer("", &chroma, Compression::RLE, Blocks::ScanLines));
+        let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("subsampled chroma"), "{message}");
+    }
+
+    #[test]
+    fn subsampled_channels_are_refused_by_name() {
+        let folder = Folder::new();
+        let path = folder.with(layer("", &rgb(floats), Compression::Uncompressed, Blocks::ScanLines));
+        let mut bytes = std::fs::read(&path).unwrap();
+        let list = bytes.windows(7).position(|w| w == b"chlist\0").unwrap() + 7 + 4;
+        // The first channel: "B\0", type, linearity and 3 reserved bytes, then the two sampling rates.
+        let rates = list + 2 + 4 + 4;
+        assert_eq!(bytes[rates..rates + 8], [1, 0, 0, 0, 1, 0, 0, 0]);
+        (bytes[rates], bytes[rates + 4]) = (2, 1);
+        std::fs::write(&path, bytes).unwrap();
+        let error = read(&path, Encoding::Auto).unwrap_err();
+        assert!(error.to_string().contains("ubsampl"), "{error}");
+    }
+
+    #[test]
+    fn a_size_beyond_the_limit_is_refused_from_the_header() {
+        let folder = Folder::new();
+        let path = folder.with(layer("", &rgb(floats), Compression::Uncompressed, Blocks::ScanLines));
+        let mut bytes = std::fs::read(&path).unwrap();
+        let name = b"displayWindow\0box2i\0";
+        let window = bytes.windows(name.len()).position(|w| w == name).unwrap() + name.len() + 4;
+        bytes[window + 8..window + 12].copy_from_slice(&(1i32 << 20).to_le_bytes());
+        bytes[window + 12..window + 16].copy_from_slice(&(1i32 << 20).to_le_bytes());
+        std::fs::write(&path, bytes).unwrap();
+        let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("1048577 x 1048577 pixels"), "{message}");
+        assert_eq!(message, probe_size(&path).unwrap_err().to_string());
+    }
+
+    #[test]
+    fn float_survives_exactly_and_half_to_its_spacing() {
+        let folder = Folder::new();
+        let image = Image::from_fn(WIDTH, HEIGHT, |x, y| [-1.5 * sample(x, y, 0), 1e-7 * sample(x, y, 1), 1e6]);
+        write(&folder.file(), &image, EncodeOptions::default()).unwrap();
+        assert_eq!(read(&folder.file(), Encoding::Auto).unwrap(), image);
+        write(&folder.file(), &image, EncodeOptions { half: true, ..Default::default() }).unwrap();
+        let back = read(&folder.file(), Encoding::Auto).unwrap();
+        for (a, b) in back.data().chunks(3).zip(image.data().chunks(3)) {
+            assert!((a[0] - b[0]).abs() <= b[0].abs() / 2048.0);
+            // The spacing of subnormal halves is 2^-24.
+            assert!((a[1] - b[1]).abs() <= 0.5f32.powi(25));
+            assert_eq!(a[2], 65504.0);
+        }
+    }
+
+    #[test]
+    fn alpha_stays_associated_and_primaries_are_written() {
+        let folder = Folder::new();
+        let image = Image::from_data(2, 1, 4, vec![0.5, 0.25, 0.125, 0.5, 3.0, 0.0, 0.0, 0.0]).unwrap();
+        write(&folder.file(), &image, EncodeOptions::default()).unwrap();
+        assert_eq!(read(&folder.file(), Encoding::Auto).unwrap(), image);
+        let meta = MetaData::read_from_file(folder.file(), true).unwrap();
+        assert_eq!(meta.headers[0].shared_attributes.chromaticities, Some(REC709));
     }
 }

@@ -115,3 +115,114 @@ fn unsupported(path: &Path, what: String) -> Error {
         advice: "convert the file to OpenEXR, 16-bit PNG or float TIFF".to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ::image::{ImageBuffer, Luma, LumaA, Rgba};
+
+    use super::super::{Encoding, read};
+    use super::*;
+
+    fn linear(picture: impl Into<DynamicImage>, name: &str) -> crate::image::Image {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        picture.into().save(&path).unwrap();
+        read(&path, Encoding::Linear).unwrap()
+    }
+
+    fn assert_close(found: &[f32], expected: &[f32]) {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} is not {expected:?}");
+        assert_eq!(found.len(), expected.len());
+    }
+
+    #[test]
+    fn png_of_every_kind() {
+        let grey8 = ImageBuffer::from_pixel(3, 2, Luma([51u8]));
+        assert_close(linear(grey8, "a.png").pixel(2, 1), &[0.2; 3]);
+        let grey16 = ImageBuffer::from_pixel(3, 2, Luma([13107u16]));
+        assert_close(linear(grey16, "a.png").pixel(2, 1), &[0.2; 3]);
+        let grey_alpha = ImageBuffer::from_pixel(3, 2, LumaA([51u8, 102]));
+        assert_close(linear(grey_alpha, "a.png").pixel(2, 1), &[0.08, 0.08, 0.08, 0.4]);
+        let rgb16 = ImageBuffer::from_pixel(3, 2, ::image::Rgb([1u16, 2, 65535]));
+        assert_close(linear(rgb16, "a.png").pixel(2, 1), &[1.0 / 65535.0, 2.0 / 65535.0, 1.0]);
+        let rgba = ImageBuffer::from_pixel(3, 2, Rgba([0u8, 51, 255, 51]));
+        assert_close(linear(rgba, "a.png").pixel(2, 1), &[0.0, 0.04, 0.2, 0.2]);
+    }
+
+    #[test]
+    fn png_with_a_palette() {
+        // 2 x 1 pixels, 1 bit each, palette (255, 0, 51) and (0, 102, 255); written by hand with CRCs and stored deflate.
+        let chunk = |kind: &[u8], body: &[u8]| {
+            let content = [kind, body].concat();
+            let crc = crc32(&content);
+            [&(body.len() as u32).to_be_bytes()[..], &content, &crc.to_be_bytes()].concat()
+        };
+        let data = [0u8, 0b0100_0000];
+        let adler = data.iter().fold((1u32, 0u32), |(a, b), d| (a + u32::from(*d), b + a + u32::from(*d)));
+        let mut zlib = vec![0x78, 0x01, 1, 2, 0, 0xfd, 0xff, data[0], data[1]];
+        zlib.extend((adler.1 << 16 | adler.0).to_be_bytes());
+        let bytes = [
+            b"\x89PNG\r\n\x1a\n".to_vec(),
+            chunk(b"IHDR", &[0, 0, 0, 2, 0, 0, 0, 1, 1, 3, 0, 0, 0]),
+            chunk(b"PLTE", &[255, 0, 51, 0, 102, 255]),
+            chunk(b"IDAT", &zlib),
+            chunk(b"IEND", &[]),
+        ]
+        .concat();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("palette.png");
+        std::fs::write(&path, bytes).unwrap();
+        let image = read(&path, Encoding::Linear).unwrap();
+        assert_close(image.data(), &[1.0, 0.0, 0.2, 0.0, 0.4, 1.0]);
+    }
+
+    fn crc32(bytes: &[u8]) -> u32 {
+        !bytes.iter().fold(!0u32, |crc, byte| {
+            (0..8).fold(crc ^ u32::from(*byte), |c, _| if c & 1 == 1 { c >> 1 ^ 0xedb8_8320 } else { c >> 1 })
+        })
+    }
+
+    #[test]
+    fn jpeg_of_grey_and_colour() {
+        let grey = ImageBuffer::from_pixel(19, 13, Luma([128u8]));
+        let found = linear(grey, "a.jpg");
+        assert_eq!((found.size(), found.channels()), ((19, 13), 3));
+        assert!(found.data().iter().all(|s| (s - 128.0 / 255.0).abs() < 1.5 / 255.0));
+    }
+
+    #[test]
+    fn a_cut_jpeg_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cut.jpg");
+        let picture = ImageBuffer::from_fn(64, 64, |x, y| Luma([(x * 3 + y * y) as u8]));
+        DynamicImage::from(picture).save(&path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2 + 100]).unwrap();
+        let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("cut.jpg") && message.contains("cut short"), "{message}");
+    }
+
+    #[test]
+    fn radiance_by_hand() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.hdr");
+        for magic in ["#?RADIANCE", "#?RGBE"] {
+            let header = format!("{magic}\n# made by hand\nFORMAT=32-bit_rle_rgbe\nEXPOSURE=2\n\n-Y 1 +X 2\n");
+            // Flat pixels: mantissas 128, 64, 32 with exponent 129 are 1, 0.5, 0.25; exponent 0 is black.
+            let bytes = [header.as_bytes(), &[128, 64, 32, 129, 9, 9, 9, 0]].concat();
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read(&path, Encoding::Auto).unwrap().data(), [1.0, 0.5, 0.25, 0.0, 0.0, 0.0]);
+        }
+        for (from, to) in [("rgbe\n", "xyze\n"), ("-Y 1", "+Y 1")] {
+            let text = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\nabcd".replace(from, to);
+            std::fs::write(&path, text).unwrap();
+            let error = read(&path, Encoding::Auto).unwrap_err();
+            assert!(matches!(error, Error::Unsupported { .. }), "{error}");
+        }
+        std::fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4000000000 +X 4000000000\n").unwrap();
+        assert!(read(&path, Encoding::Auto).is_err());
+        std::fs::write(&path, "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 20000 +X 20000\n").unwrap();
+        let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("20000 x 20000 pixels"), "{message}");
+    }
+}

@@ -113,3 +113,137 @@ fn describe(first: &[u8]) -> String {
         _ => format!("a file of unknown type that begins with the bytes {:02x?}", &first[..first.len().min(8)]),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::panic::catch_unwind;
+    use std::path::PathBuf;
+
+    use rand::RngExt;
+    use rand_pcg::Pcg32;
+
+    use super::super::{EncodeOptions, write};
+    use super::*;
+
+    fn picture() -> Image {
+        Image::from_fn(24, 20, |x, y| [x as f32 / 24.0, y as f32 / 20.0, ((x * 7 + y * 13) % 11) as f32 / 11.0])
+    }
+
+    #[test]
+    fn the_type_is_told_by_content() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.exr", "a.hdr", "a.png", "a.tif", "a.jpg"] {
+            let path = folder.path().join(name);
+            write(&path, &picture(), EncodeOptions::default()).unwrap();
+            let plain = read(&path, Encoding::Auto).unwrap();
+            assert_eq!(probe_size(&path).unwrap(), (24, 20));
+            let renamed = folder.path().join("picture.bin");
+            std::fs::rename(&path, &renamed).unwrap();
+            assert_eq!(read(&renamed, Encoding::Auto).unwrap(), plain, "{name}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_picture_says_what_it_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let message = |bytes: &[u8]| {
+            std::fs::write(&path, bytes).unwrap();
+            let message = read(&path, Encoding::Auto).unwrap_err().to_string();
+            assert!(message.contains("a.png") && message.contains("expected OpenEXR"), "{message}");
+            message
+        };
+        assert!(message(b"").contains("an empty file"));
+        assert!(message(b"<html>\n").contains("<html>"));
+        assert!(message(&[0, 1, 2, 250]).contains("00, 01, 02, fa"));
+        assert!(matches!(read(&folder.path().join("none.exr"), Encoding::Auto), Err(Error::Io { .. })));
+        assert!(read(folder.path(), Encoding::Auto).is_err());
+    }
+
+    /// A variant of a file: cut, or with a few bytes changed, more often near the start, where the lengths stand.
+    fn mutated(bytes: &[u8], rng: &mut Pcg32) -> Vec<u8> {
+        let mut bytes = bytes.to_vec();
+        if rng.random_range(0..4) == 0 {
+            bytes.truncate(rng.random_range(0..bytes.len()));
+            return bytes;
+        }
+        for _ in 0..rng.random_range(1..5) {
+            let end = if rng.random_range(0..2) == 0 { bytes.len().min(400) } else { bytes.len() };
+            let at = rng.random_range(4.min(end - 1)..end);
+            bytes[at] = match rng.random_range(0..4) {
+                0 => bytes[at] ^ 1 << rng.random_range(0..8),
+                1 => 0xff,
+                2 => 0x7f,
+                _ => rng.random_range(0..=255),
+            };
+        }
+        bytes
+    }
+
+    fn originals(folder: &Path) -> Vec<PathBuf> {
+        let mut paths = Vec::new();
+        let mut add = |name: &str, image: &Image, options| {
+            let path = folder.join(name);
+            write(&path, image, options).unwrap();
+            paths.push(path);
+        };
+        let mut alpha = Image::new(24, 20, 4);
+        for (i, pixel) in alpha.data_mut().chunks_exact_mut(4).enumerate() {
+            pixel.copy_from_slice(&[0.1, 0.2, i as f32 / 480.0, 0.5]);
+        }
+        for name in ["a.exr", "a.hdr", "a.png", "a.tif", "a.jpg"] {
+            add(name, &picture(), EncodeOptions::default());
+        }
+        add("half.exr", &alpha, EncodeOptions { half: true, png8: false });
+        add("narrow.png", &alpha, EncodeOptions { half: false, png8: true });
+        add("alpha.tif", &alpha, EncodeOptions::default());
+        paths.extend(foreign_exrs(folder));
+        paths
+    }
+
+    /// The compressions and layouts we read but do not write.
+    fn foreign_exrs(folder: &Path) -> Vec<PathBuf> {
+        use ::exr::prelude::{
+            Compression::{B44, DWAA, DWAB, PIZ, PXR24, RLE, Uncompressed},
+            *,
+        };
+        let write = |(i, compression): (usize, Compression)| {
+            let blocks = if i.is_multiple_of(2) { Blocks::Tiles(Vec2(16, 8)) } else { Blocks::ScanLines };
+            let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
+            let channels = SpecificChannels::rgb(|at: Vec2<usize>| {
+                let of = |s: usize| f16::from_f32((s % 17) as f32 / 17.0);
+                (of(at.0 * 3), of(at.1 * 5), of(at.0 + at.1))
+            });
+            let path = folder.join(format!("{i}.exr"));
+            Image::from_encoded_channels((24, 20), encoding, channels).write().to_file(&path).unwrap();
+            path
+        };
+        let all = [PIZ, PIZ, DWAA(Some(45.0)), DWAB(Some(45.0)), B44, B44, PXR24, PXR24, RLE, RLE, Uncompressed];
+        all.into_iter().enumerate().map(write).collect()
+    }
+
+    #[test]
+    fn hostile_files_never_panic() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("variant");
+        let mut rng = Pcg32::new(0x72_65_6c_75_6d_65, 1);
+        for original in originals(folder.path()) {
+            let bytes = std::fs::read(&original).unwrap();
+            let mut refused = 0;
+            for variant in 0..400 {
+                std::fs::write(&target, mutated(&bytes, &mut rng)).unwrap();
+                let outcome = catch_unwind(|| (read(&target, Encoding::Auto), probe_size(&target)));
+                let Ok((read, _)) = outcome else {
+                    let kept = std::env::temp_dir().join("relume-panicking-variant");
+                    std::fs::copy(&target, &kept).unwrap();
+                    panic!("variant {variant} of {} panicked; it is kept in {}", original.display(), kept.display());
+                };
+                if let Err(error) = read {
+                    refused += 1;
+                    assert!(error.to_string().contains("variant"), "{error}");
+                }
+            }
+            assert!(refused >= 100, "{}: only {refused} of 400 variants were refused", original.display());
+        }
+    }
+}

@@ -145,3 +145,82 @@ pub(super) fn check_size(place: &Path, width: usize, height: usize) -> Result<()
         )),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn linear(channels: usize, alpha: Alpha, samples: Samples, encoding: Encoding) -> Vec<f32> {
+        let stored = Stored { width: 1, height: 1, channels, alpha, samples };
+        stored.into_linear(Path::new("a.png"), encoding).unwrap().data().to_vec()
+    }
+
+    fn assert_close(found: &[f32], expected: &[f32]) {
+        assert_eq!(found.len(), expected.len(), "{found:?} is not {expected:?}");
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} is not {expected:?}");
+    }
+
+    #[test]
+    fn integers_are_srgb_and_floats_linear_unless_forced() {
+        // sRGB 128/255 is 0.2158605 (IEC 61966-2-1), 0.5 is 0.2140411.
+        use Encoding::*;
+        let un = Alpha::Unassociated;
+        for (encoding, expected) in [(Auto, 0.215_860_5), (Srgb, 0.215_860_5), (Linear, 128.0 / 255.0)] {
+            assert_close(&linear(1, un, Samples::U8(vec![128]), encoding), &[expected; 3]);
+        }
+        for (encoding, expected) in [(Auto, 0.215_860_5), (Srgb, 0.215_860_5), (Linear, 128.0 / 255.0)] {
+            assert_close(&linear(1, un, Samples::U16(vec![128 * 257]), encoding), &[expected; 3]);
+        }
+        for (encoding, expected) in [(Auto, 0.5), (Srgb, 0.214_041_14), (Linear, 0.5)] {
+            assert_close(&linear(1, un, Samples::F32(vec![0.5]), encoding), &[expected; 3]);
+        }
+    }
+
+    #[test]
+    fn unassociated_alpha_multiplies_light_not_codes() {
+        let (un, alpha) = (Alpha::Unassociated, 51.0 / 255.0);
+        let found = linear(4, un, Samples::U8(vec![128, 255, 0, 51]), Encoding::Auto);
+        assert_close(&found, &[0.215_860_5 * alpha, alpha, 0.0, alpha]);
+        let grey = linear(2, un, Samples::U16(vec![65535, 13107]), Encoding::Linear);
+        assert_close(&grey, &[0.2, 0.2, 0.2, 0.2]);
+    }
+
+    #[test]
+    fn associated_alpha_is_kept_and_the_curve_sees_the_surface() {
+        let by = Alpha::Associated;
+        assert_close(&linear(4, by, Samples::F32(vec![0.25, 0.0, 2.0, 0.5]), Encoding::Auto), &[0.25, 0.0, 2.0, 0.5]);
+        let found = linear(4, by, Samples::F32(vec![0.25, 0.5, 0.0, 0.5]), Encoding::Srgb);
+        assert_close(&found, &[0.214_041_14 * 0.5, 0.5, 0.0, 0.5]);
+        // Light without coverage (a glow) stays.
+        assert_close(
+            &linear(2, by, Samples::F32(vec![0.5, 0.0]), Encoding::Srgb),
+            &[0.214_041_14, 0.214_041_14, 0.214_041_14, 0.0],
+        );
+    }
+
+    #[test]
+    fn what_is_not_finite_is_named() {
+        let stored = |value| Stored {
+            width: 2,
+            height: 2,
+            channels: 2,
+            alpha: Alpha::Associated,
+            samples: Samples::F32(vec![0.0, 0.0, 0.0, 0.0, 0.0, value, 0.0, 0.0]),
+        };
+        let message =
+            |value, encoding| stored(value).into_linear(Path::new("a.tif"), encoding).unwrap_err().to_string();
+        let found = message(f32::NEG_INFINITY, Encoding::Auto);
+        assert!(found.contains("a.tif, pixel (0, 1), channel A: found an infinity"), "{found}");
+        let huge = Stored { samples: Samples::F32(vec![1e30; 8]), ..stored(0.0) };
+        let huge = Stored { channels: 1, height: 4, ..huge };
+        let found = huge.into_linear(Path::new("a.tif"), Encoding::Srgb).unwrap_err().to_string();
+        assert!(found.contains("pixel (0, 0), channel R: found an infinity"), "{found}");
+    }
+
+    #[test]
+    fn sizes_have_bounds() {
+        let check = |w, h| check_size(Path::new("a.png"), w, h).is_ok();
+        assert!(check(1, 1) && check(16384, 16384));
+        assert!(!check(0, 5) && !check(5, 0) && !check(16384, 16385) && !check(usize::MAX, 2));
+    }
+}

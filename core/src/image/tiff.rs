@@ -134,3 +134,84 @@ fn unsupported(path: &Path, what: impl Into<String>) -> Error {
         advice: "convert the file to RGB TIFF of 8 or 16 bits or float, or to OpenEXR".to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use ::tiff::encoder::TiffValue;
+
+    use super::super::{Encoding, read};
+    use super::*;
+
+    fn file<C: colortype::ColorType>(folder: &Path, extra: &[ExtraSamples], data: &[C::Inner]) -> PathBuf
+    where
+        [C::Inner]: TiffValue,
+    {
+        let path = folder.join("a.tif");
+        let mut encoder = TiffEncoder::new(File::create(&path).unwrap()).unwrap();
+        let mut picture = encoder.new_image::<C>(2, 1).unwrap();
+        if !extra.is_empty() {
+            picture.extra_samples(extra).unwrap();
+        }
+        picture.write_data(data).unwrap();
+        path
+    }
+
+    fn linear(path: PathBuf) -> Vec<f32> {
+        let image = read(&path, Encoding::Linear).unwrap();
+        assert_eq!(super::super::probe_size(&path).unwrap(), (2, 1));
+        assert_eq!(image.size(), (2, 1));
+        image.data().to_vec()
+    }
+
+    fn assert_close(found: &[f32], expected: &[f32]) {
+        assert_eq!(found.len(), expected.len(), "{found:?} is not {expected:?}");
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} is not {expected:?}");
+    }
+
+    #[test]
+    fn grey_and_colour_of_8_16_and_float() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let grey = [0.2, 0.2, 0.2, 1.0, 1.0, 1.0];
+        assert_close(&linear(file::<colortype::Gray8>(at, &[], &[51, 255])), &grey);
+        assert_close(&linear(file::<colortype::Gray16>(at, &[], &[13107, 65535])), &grey);
+        assert_close(&linear(file::<colortype::Gray32Float>(at, &[], &[0.2, 1.0])), &grey);
+        assert_close(&linear(file::<colortype::Gray64Float>(at, &[], &[0.2, 1.0])), &grey);
+        let colour = [0.0, 0.2, 1.0, 0.4, 0.6, 0.8];
+        assert_close(&linear(file::<colortype::RGB8>(at, &[], &[0, 51, 255, 102, 153, 204])), &colour);
+        let words = [0, 51, 255, 102, 153, 204].map(|s| s * 257);
+        assert_close(&linear(file::<colortype::RGB16>(at, &[], &words)), &colour);
+        let floats = [-2.0, 0.2, 100.0, 0.4, 0.6, 0.8];
+        assert_close(&linear(file::<colortype::RGB32Float>(at, &[], &floats)), &floats);
+    }
+
+    #[test]
+    fn the_tag_tells_associated_from_unassociated_alpha() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = [0.5, 0.25, 0.0, 0.5, 1.0, 1.0, 1.0, 1.0];
+        let multiplied = [0.25, 0.125, 0.0, 0.5, 1.0, 1.0, 1.0, 1.0];
+        let with = |extra| linear(file::<colortype::RGB32Float>(folder.path(), &[extra], &data));
+        assert_close(&with(ExtraSamples::AssociatedAlpha), &data);
+        assert_close(&with(ExtraSamples::UnassociatedAlpha), &multiplied);
+        // Without the tag the fourth sample can only be guessed; most writers mean unassociated alpha.
+        assert_close(&linear(file::<colortype::RGBA32Float>(folder.path(), &[], &data)), &multiplied);
+    }
+
+    #[test]
+    fn other_sample_and_colour_types_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let uint = file::<colortype::RGB32>(folder.path(), &[], &[1; 6]);
+        assert!(matches!(read(&uint, Encoding::Auto), Err(Error::Unsupported { .. })));
+        let cmyk = file::<colortype::CMYK8>(folder.path(), &[], &[1; 8]);
+        let message = read(&cmyk, Encoding::Auto).unwrap_err().to_string();
+        assert!(message.contains("CMYK") && message.contains("convert"), "{message}");
+    }
+
+    #[test]
+    fn planes_are_interleaved() {
+        assert_eq!(interleaved(vec![1, 2, 3, 10, 20, 30], 2), [1, 10, 2, 20, 3, 30]);
+        assert_eq!(interleaved(vec![1, 2, 3], 1), [1, 2, 3]);
+    }
+}

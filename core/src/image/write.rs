@@ -144,9 +144,9 @@ fn write_hdr(writer: impl Write, image: &Image) -> std::result::Result<(), Image
 /// share the exponent of the largest channel. The encoder of the `image` crate truncates and no reader adds the half
 /// step back, which would darken a picture by 0.3 % on average; of what is rounded beforehand it cuts nothing off.
 fn nearest_rgbe(colour: [f32; 3]) -> [f32; 3] {
-    /// 255 * 2^(254 - 136): the encoder's power of two overflows f32 in the one binade that lies above.
-    const MAX: f32 = 255.0 * (1u128 << 118) as f32;
-    /// 2^-126, the smallest normal number of f32; exponents below wrap around in the encoder.
+    /// 255 * 2^(255 - 136), the largest number of RGBE.
+    const MAX: f32 = 255.0 * (1u128 << 119) as f32;
+    /// 2^-126, the smallest normal number of f32; two binades below it exponents wrap around in the encoder.
     const MIN: f32 = f32::MIN_POSITIVE;
     let colour = colour.map(|c| c.clamp(0.0, MAX));
     let largest = colour[0].max(colour[1]).max(colour[2]);
@@ -171,5 +171,147 @@ fn failure(path: &Path, error: ImageError) -> Error {
             other.to_string(),
             "a picture that the chosen file type can hold",
         ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Encoding, read};
+    use super::*;
+
+    fn ramp(scale: f32) -> Image {
+        Image::from_fn(31, 17, |x, y| [x as f32 / 30.0, y as f32 / 16.0, (x * y) as f32 / 480.0].map(|c| c * scale))
+    }
+
+    fn round_trip(name: &str, image: &Image, options: EncodeOptions) -> Image {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        write(&path, image, options).unwrap();
+        read(&path, Encoding::Auto).unwrap()
+    }
+
+    fn largest_difference(a: &Image, b: &Image) -> f32 {
+        assert_eq!((a.size(), a.channels()), (b.size(), b.channels()));
+        a.data().iter().zip(b.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn float_types_keep_every_bit() {
+        let image = Image::from_fn(31, 17, |x, y| [x as f32 - 12.3, 1e-20 * y as f32, 1e20 * x as f32]);
+        for name in ["a.exr", "a.tif", "b.TIFF"] {
+            assert_eq!(round_trip(name, &image, EncodeOptions::default()), image, "{name}");
+        }
+        let alpha = Image::from_data(2, 1, 4, vec![0.5, 0.25, 0.1, 0.5, 3.0, 0.1, 0.2, 0.0]).unwrap();
+        for name in ["a.exr", "a.tif"] {
+            assert_eq!(round_trip(name, &alpha, EncodeOptions::default()), alpha, "{name}");
+        }
+    }
+
+    #[test]
+    fn png_keeps_its_bits() {
+        // Half a code, times the largest slope of the decoding curve: 2.4 / 1.055 < 2.28 at white.
+        let wide = round_trip("a.png", &ramp(1.0), EncodeOptions::default());
+        assert!(largest_difference(&wide, &ramp(1.0)) < 2.28 * 0.5 / 65535.0 + 1e-6);
+        let narrow = round_trip("a.png", &ramp(1.0), EncodeOptions { png8: true, ..Default::default() });
+        let difference = largest_difference(&narrow, &ramp(1.0));
+        assert!(difference < 2.28 * 0.5 / 255.0 + 1e-6 && difference > 1.0 / 65535.0, "{difference}");
+    }
+
+    #[test]
+    fn png_and_jpeg_clamp() {
+        let image = Image::from_fn(16, 16, |_, _| [-1.0, 0.0, 7.0]);
+        assert_eq!(round_trip("a.png", &image, EncodeOptions::default()).pixel(3, 3), [0.0, 0.0, 1.0]);
+        let jpeg = round_trip("a.jpg", &image, EncodeOptions::default());
+        let pixel = jpeg.pixel(3, 3);
+        assert!(pixel[0] < 0.01 && pixel[1] < 0.01 && pixel[2] > 0.97, "{pixel:?}");
+    }
+
+    #[test]
+    fn png_alpha_is_divided_out_and_back() {
+        let image =
+            Image::from_data(3, 1, 4, vec![0.2, 0.1, 0.05, 0.5, 0.0, 0.0, 0.0, 0.0, 0.9, 0.5, 0.0, 1.0]).unwrap();
+        assert!(largest_difference(&round_trip("a.png", &image, EncodeOptions::default()), &image) < 3e-5);
+        // Read as codes: the colour in the file is 0.2 / 0.5 = 0.4, sRGB code 0.6652, not 0.2.
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        write(&path, &image, EncodeOptions::default()).unwrap();
+        let codes = ::image::open(&path).unwrap().into_rgba16();
+        assert!((f32::from(codes.get_pixel(0, 0).0[0]) / 65535.0 - 0.665_185).abs() < 1e-4);
+        assert_eq!(codes.get_pixel(0, 0).0[3], 32768);
+    }
+
+    #[test]
+    fn jpeg_is_close() {
+        let image = Image::from_fn(64, 48, |x, y| [0.2 + x as f32 / 128.0, 0.2 + y as f32 / 96.0, 0.4]);
+        let difference = largest_difference(&round_trip("a.jpeg", &image, EncodeOptions::default()), &image);
+        assert!(difference < 0.04, "{difference}");
+    }
+
+    #[test]
+    fn radiance_is_rounded_to_the_nearest_without_bias() {
+        for scale in [1e-30, 1e-3, 1.0, 12345.0, 1e30] {
+            let image = ramp(scale);
+            let back = round_trip("a.hdr", &image, EncodeOptions::default());
+            let (mut sum, mut sum_back) = (0.0, 0.0);
+            for (a, b) in back.data().chunks(3).zip(image.data().chunks(3)) {
+                let largest = b[0].max(b[1]).max(b[2]);
+                for c in 0..3 {
+                    // Half a step of an 8-bit mantissa that lies in 128..255.
+                    assert!((a[c] - b[c]).abs() <= largest * (0.5 / 128.0) * 1.0001, "{a:?} is not {b:?}");
+                    sum += f64::from(b[c]);
+                    sum_back += f64::from(a[c]);
+                }
+            }
+            assert!((sum_back / sum - 1.0).abs() < 5e-4, "scale {scale}: energy {}", sum_back / sum);
+        }
+    }
+
+    #[test]
+    fn radiance_ends_gracefully() {
+        let image = Image::from_fn(9, 2, |x, _| [[f32::MAX, 1.0, -3.0], [1e-40, 0.0, 0.0], [0.9999, 0.5, -0.1]][x % 3]);
+        let back = round_trip("a.hdr", &image, EncodeOptions::default());
+        assert_eq!(back.pixel(0, 0), [255.0 * 2f32.powi(119), 0.0, 0.0]);
+        assert_eq!(back.pixel(1, 0), [0.0; 3]);
+        assert_eq!(back.pixel(2, 0), [1.0, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn previews_are_8_bit_png() {
+        let image = Image::from_data(2, 1, 4, vec![0.5, 0.25, 0.125, 0.5, 1.0, 1.0, 1.0, 1.0]).unwrap();
+        let bytes = encode_png8(&image).unwrap();
+        let picture = ::image::load_from_memory(&bytes).unwrap();
+        assert_eq!(picture.color(), ::image::ColorType::Rgba8);
+        assert_eq!(picture.into_rgba8().get_pixel(0, 0).0, [255, 188, 137, 128]);
+        assert!(encode_png8(&Image::new(0, 3, 3)).is_err());
+    }
+
+    #[test]
+    fn unknown_extensions_get_the_list() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.bmp", "a"] {
+            let path = folder.path().join(name);
+            let message = write(&path, &ramp(1.0), EncodeOptions::default()).unwrap_err().to_string();
+            assert!(message.contains(".exr, .hdr, .png, .tif"), "{message}");
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    fn nothing_is_left_of_what_fails() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut nan = ramp(1.0);
+        nan.pixel_mut(5, 4)[2] = f32::NAN;
+        for name in ["a.exr", "a.hdr", "a.png", "a.tif", "a.jpg"] {
+            let absent = folder.path().join("absent").join(name);
+            let message = write(&absent, &ramp(1.0), EncodeOptions::default()).unwrap_err().to_string();
+            assert!(message.contains("does not exist"), "{message}");
+            let path = folder.path().join(name);
+            let message = write(&path, &nan, EncodeOptions::default()).unwrap_err().to_string();
+            assert!(message.contains(name) && message.contains("pixel (5, 4), channel B"), "{message}");
+        }
+        // JPEG holds 65535 columns: the encoder fails after the file was begun.
+        let wide = Image::new(70_000, 1, 3);
+        assert!(write(&folder.path().join("wide.jpg"), &wide, EncodeOptions::default()).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }
