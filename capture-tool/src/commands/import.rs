@@ -31,17 +31,12 @@ pub enum Source {
 /// Raw flags.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
-#[group(id = "target", required = true, multiple = true, args = ["output", "session"])]
 pub struct LpArguments {
     /// The .lp file: the number of lamps, then `photograph x y z` a line (x right, y up, z to the camera). Photographs are
     /// looked for in its folder.
     lp: PathBuf,
-    /// The .rfield file to write.
-    #[arg(short, long, value_name = "A.rfield")]
-    output: Option<PathBuf>,
-    /// Also (or, without -o, only) copy everything into a new session folder.
-    #[arg(long, value_name = "DIR")]
-    session: Option<PathBuf>,
+    #[command(flatten)]
+    target: TargetArguments,
     /// How the photographs' numbers become light [default: sRGB for 8 and 16 bits, linear for floats].
     #[arg(long, value_enum)]
     encoding: Option<EncodingChoice>,
@@ -60,6 +55,18 @@ pub struct LpArguments {
     /// Scale direction vectors to length 1 where the file has others.
     #[arg(long)]
     normalise_directions: bool,
+}
+
+/// Where to: at least one.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = true)]
+struct TargetArguments {
+    /// The .rfield file to write.
+    #[arg(short, long, value_name = "A.rfield")]
+    output: Option<PathBuf>,
+    /// Also (or, without -o, only) copy everything into a new session folder.
+    #[arg(long, value_name = "DIR")]
+    session: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -94,10 +101,10 @@ impl Source {
 impl LpArguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
-        if let Some(output) = &self.output {
+        if let Some(output) = &self.target.output {
             files::check_folder(output)?;
         }
-        if let Some(folder) = &self.session {
+        if let Some(folder) = &self.target.session {
             session::check_target(folder)?;
         }
         let import = ImportLp {
@@ -116,7 +123,7 @@ impl LpArguments {
             },
             lengths: if self.normalise_directions { lp::Lengths::Normalise } else { lp::Lengths::Unit },
         };
-        Ok(Plan { import, output: self.output, session: self.session })
+        Ok(Plan { import, output: self.target.output, session: self.target.session })
     }
 }
 
