@@ -15,14 +15,8 @@ use crate::error::{Error, Result};
 /// # Errors
 /// [`Error::Io`] when the folder is absent or full; whatever `body` returns.
 pub fn write_whole<T>(path: &Path, body: impl FnOnce(&mut BufWriter<File>) -> Result<T>) -> Result<T> {
+    check_folder(path)?;
     let folder = folder_of(path);
-    if !folder.is_dir() {
-        let absent = std::io::Error::new(
-            std::io::ErrorKind::NotFound,
-            format!("the folder {} does not exist", folder.display()),
-        );
-        return Err(Error::io("write", path, absent));
-    }
     let temporary = tempfile::Builder::new()
         .prefix(".relume-")
         .suffix(".part")
@@ -37,6 +31,22 @@ pub fn write_whole<T>(path: &Path, body: impl FnOnce(&mut BufWriter<File>) -> Re
     file.sync_all().map_err(|source| Error::io("write", path, source))?;
     temporary_path.persist(path).map_err(|error| Error::io("rename to", path, error.error))?;
     Ok(value)
+}
+
+/// Checks that `path` can become a file: its folder exists, and it is no folder itself. Ask before an hour of work.
+///
+/// # Errors
+/// [`Error::Io`] naming the path.
+pub fn check_folder(path: &Path) -> Result<()> {
+    let refuse = |kind, why: String| Err(Error::io("write", path, std::io::Error::new(kind, why)));
+    let folder = folder_of(path);
+    if !folder.is_dir() {
+        return refuse(std::io::ErrorKind::NotFound, format!("the folder {} does not exist", folder.display()));
+    }
+    if path.is_dir() {
+        return refuse(std::io::ErrorKind::IsADirectory, "it is a folder".to_owned());
+    }
+    Ok(())
 }
 
 /// The folder a file lies in; `.` for a bare name.

@@ -2,6 +2,7 @@
 //!
 //! `T_j = (photo_j - S) / E_j` (design conventions: transport is the response to unit irradiance).
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -9,8 +10,8 @@ use rayon::prelude::*;
 use super::Photographs;
 use crate::domain::{Directions, lp};
 use crate::error::{Error, Result};
-use crate::field::{Contents, Precision, write};
-use crate::files::folder_of;
+use crate::field::{BLOCK_HEIGHT, Bands, Contents, Precision, write};
+use crate::files::{check_folder, folder_of};
 use crate::image::{Encoding, Image, probe_size, read};
 
 /// What to import, and how.
@@ -43,24 +44,46 @@ pub struct Imported {
     pub height: usize,
 }
 
+/// What a look at the `.lp` file and the headers of all photographs found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checked {
+    /// The photographs and their directions.
+    pub lp: lp::Lp,
+    /// Columns, of every picture.
+    pub width: usize,
+    /// Rows, of every picture.
+    pub height: usize,
+}
+
 impl ImportLp {
-    /// Reads, checks and writes. `progress(photographs done, all)` may stop it with an error. Memory: about 2 GB beyond
-    /// which photographs are spilled beside `output`.
+    /// Checks everything that can be checked without decoding: the `.lp` file, that all pictures are there, are pictures,
+    /// and have one size. A mistake in the last file does not cost an hour.
     ///
     /// # Errors
-    /// Each names its file: a bad `.lp`, a photograph that is missing, unreadable or of another size, a folder that is
-    /// absent or full. Nothing is left behind.
-    pub fn run(&self, output: &Path, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Imported> {
+    /// As [`ImportLp::run`].
+    pub fn check(&self) -> Result<Checked> {
         if !(self.irradiance.is_finite() && self.irradiance > 0.0) {
             return Err(Error::invalid("irradiance", self.irradiance.to_string(), "a positive number"));
         }
         let lp = lp::read(&self.lp, self.lengths)?;
         let (width, height) = self.check_sizes(&lp)?;
+        Ok(Checked { lp, width, height })
+    }
+
+    /// Reads, checks and writes. `progress(steps done, all)` may stop it with an error; a step is a photograph read or a row
+    /// of blocks written. Memory: about 2 GB beyond which photographs are spilled beside `output`.
+    ///
+    /// # Errors
+    /// Each names its file: a bad `.lp`, a photograph that is missing, unreadable or of another size, a folder that is
+    /// absent or full. Nothing is left behind.
+    pub fn run(&self, output: &Path, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Imported> {
+        check_folder(output)?;
+        let Checked { lp, width, height } = self.check()?;
         let black = self.black.as_deref().map(|path| self.photograph(path)).transpose()?;
         let alpha = self.alpha.as_deref().map(coverage).transpose()?;
         let domain = Directions::new(lp.directions)?;
         let mut photographs = Photographs::new(width, height, folder_of(output));
-        let total = lp.photographs.len() as u64;
+        let total = (lp.photographs.len() + height.div_ceil(BLOCK_HEIGHT)) as u64;
         // As many at a time as there are threads: their order stays, memory stays bounded.
         for group in lp.photographs.chunks(rayon::current_num_threads()) {
             let pictures: Vec<Result<Image>> =
@@ -81,11 +104,10 @@ impl ImportLp {
             alpha,
             provenance: self.provenance(&lp.photographs),
         };
-        write(output, &contents, &mut photographs)?;
+        write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;
         Ok(Imported { lamps: photographs.len(), width, height })
     }
 
-    /// Looks at every header first, so that a mistake in the last file does not cost an hour.
     fn check_sizes(&self, lp: &lp::Lp) -> Result<(usize, usize)> {
         let first = &lp.photographs[0];
         let size = probe_size(first)?;
@@ -129,6 +151,20 @@ impl ImportLp {
             "alpha": self.alpha.as_deref().map(name),
             "photographs": photographs.iter().map(|path| name(path)).collect::<Vec<_>>(),
         })
+    }
+}
+
+/// Photographs that tell how far writing has come.
+struct Reporting<'a> {
+    photographs: &'a mut Photographs,
+    progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
+    total: u64,
+}
+
+impl Bands for Reporting<'_> {
+    fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
+        (self.progress)((self.photographs.len() + by) as u64, self.total)?;
+        self.photographs.fill(by, columns, blocks)
     }
 }
 

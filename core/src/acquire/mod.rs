@@ -8,5 +8,5 @@
 mod import_lp;
 mod photographs;
 
-pub use import_lp::{ImportLp, Imported};
+pub use import_lp::{Checked, ImportLp, Imported};
 pub use photographs::Photographs;

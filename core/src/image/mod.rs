@@ -22,7 +22,7 @@ mod tiff;
 mod write;
 
 pub use read::{Encoding, probe_size, read};
-pub use write::{EncodeOptions, encode_png8, write};
+pub use write::{EncodeOptions, check_output, encode_png8, write};
 
 use crate::error::{Error, Result};
 

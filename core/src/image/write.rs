@@ -10,7 +10,7 @@ use ::image::{ExtendedColorType, ImageEncoder, ImageError, Rgb};
 use super::stored::{check_size, refuse_non_finite};
 use super::{Image, exr, srgb, tiff};
 use crate::error::{Error, Result};
-use crate::files::write_whole;
+use crate::files::{check_folder, write_whole};
 
 /// What can be chosen when writing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -57,6 +57,15 @@ pub fn write(path: &Path, image: &Image, options: EncodeOptions) -> Result<()> {
         FileType::Tiff => tiff::write(path, writer, image),
         FileType::Jpeg => write_jpeg(writer, image).map_err(|error| failure(path, error)),
     })
+}
+
+/// Checks that [`write`] can write to `path` as far as the path shows it: the extension, the folder. Ask before the work.
+///
+/// # Errors
+/// [`Error::Invalid`] for an unknown extension; [`Error::Io`] when the folder is absent or `path` is one.
+pub fn check_output(path: &Path) -> Result<()> {
+    file_type(path)?;
+    check_folder(path)
 }
 
 /// An 8-bit sRGB PNG in memory, for previews: clamped to 0..1, alpha unassociated.

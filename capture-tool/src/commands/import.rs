@@ -1,0 +1,224 @@
+//! `relume import`: photographs taken elsewhere -> a field, a session folder, or both.
+
+use std::f32::consts::PI;
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+use relume_core::acquire::ImportLp;
+use relume_core::domain::{Directions, lp};
+use relume_core::field::{Access, Asset, Precision};
+use relume_core::files;
+use relume_core::image::Encoding;
+
+use super::info::Info;
+use super::{note, values};
+use crate::progress::{Progress, Unit};
+use crate::session;
+
+const EXAMPLES: &str = "\
+Examples:
+  relume import lp photographs/dirs.lp -o vase.rfield
+  relume import lp photographs/dirs.lp -o vase.rfield --encoding linear --black black.tif --irradiance 2.7
+  relume import lp photographs/dirs.lp --session vase-session";
+
+/// Kinds of import.
+#[derive(Debug, Subcommand)]
+pub enum Source {
+    /// One photograph a lamp, listed with the lamps' directions in a .lp file.
+    Lp(LpArguments),
+}
+
+/// Raw flags.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct LpArguments {
+    /// The .lp file: the number of lamps, then `photograph x y z` a line (x right, y up, z to the camera). Photographs are
+    /// looked for in its folder.
+    lp: PathBuf,
+    #[command(flatten)]
+    target: TargetArguments,
+    /// How the photographs' numbers become light [default: sRGB for 8 and 16 bits, linear for floats].
+    #[arg(long, value_enum)]
+    encoding: Option<EncodingChoice>,
+    /// The photograph with every lamp off: subtracted, and kept as the ambient picture.
+    #[arg(long, value_name = "IMG")]
+    black: Option<PathBuf>,
+    /// How the field is stored: 16-bit or 32-bit floats.
+    #[arg(long, value_enum, default_value_t = PrecisionChoice::Half)]
+    precision: PrecisionChoice,
+    /// Irradiance of every lamp on a patch facing it [default: pi, so that a white diffuser facing the lamp is 1].
+    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = values::positive)]
+    irradiance: Option<f32>,
+    /// A picture of the object's coverage: white object, black surroundings, taken as stored.
+    #[arg(long, value_name = "IMG")]
+    alpha: Option<PathBuf>,
+    /// Scale direction vectors to length 1 where the file has others.
+    #[arg(long)]
+    normalise_directions: bool,
+}
+
+/// Where to: at least one.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = true)]
+struct TargetArguments {
+    /// The .rfield file to write.
+    #[arg(short, long, value_name = "A.rfield")]
+    output: Option<PathBuf>,
+    /// Also (or, without -o, only) copy everything into a new session folder.
+    #[arg(long, value_name = "DIR")]
+    session: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum EncodingChoice {
+    Srgb,
+    Linear,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PrecisionChoice {
+    Half,
+    Float,
+}
+
+/// Checked flags.
+#[derive(Debug)]
+struct Plan {
+    import: ImportLp,
+    output: Option<PathBuf>,
+    session: Option<PathBuf>,
+}
+
+impl Source {
+    /// Imports.
+    pub fn run(self) -> anyhow::Result<String> {
+        match self {
+            Source::Lp(arguments) => arguments.plan()?.carry_out(),
+        }
+    }
+}
+
+impl LpArguments {
+    /// Refuses what can be known to fail before the work.
+    fn plan(self) -> anyhow::Result<Plan> {
+        if let Some(output) = &self.target.output {
+            files::check_folder(output)?;
+        }
+        if let Some(folder) = &self.target.session {
+            session::check_target(folder)?;
+        }
+        let import = ImportLp {
+            lp: self.lp,
+            encoding: match self.encoding {
+                None => Encoding::Auto,
+                Some(EncodingChoice::Srgb) => Encoding::Srgb,
+                Some(EncodingChoice::Linear) => Encoding::Linear,
+            },
+            black: self.black,
+            alpha: self.alpha,
+            irradiance: self.irradiance.unwrap_or(PI),
+            precision: match self.precision {
+                PrecisionChoice::Half => Precision::Half,
+                PrecisionChoice::Float => Precision::Float,
+            },
+            lengths: if self.normalise_directions { lp::Lengths::Normalise } else { lp::Lengths::Unit },
+        };
+        Ok(Plan { import, output: self.target.output, session: self.target.session })
+    }
+}
+
+impl Plan {
+    /// The session is staged first and takes its name last, so that a failed import leaves neither.
+    fn carry_out(&self) -> anyhow::Result<String> {
+        let checked = self.import.check()?;
+        tell_duplicates(&Directions::new(checked.lp.directions.clone())?);
+        let staged = match &self.session {
+            None => None,
+            Some(folder) => {
+                let mut progress = Progress::new("copying", Unit::Steps);
+                Some(session::stage(folder, &self.import, &checked, &mut |done, all| progress.step(done, all))?)
+            }
+        };
+        let mut report = String::new();
+        if let Some(output) = &self.output {
+            let mut progress = Progress::new("importing", Unit::Steps);
+            self.import.run(output, &mut |done, all| progress.step(done, all))?;
+            drop(progress);
+            let asset = Asset::open(output, Access::Read)?;
+            report += &format!("{}\n", Info::of(&asset).summary());
+        }
+        if let Some(staged) = staged {
+            let folder = staged.commit()?;
+            report += &format!("{}: {} photographs\n", folder.display(), checked.lp.photographs.len());
+        }
+        Ok(report)
+    }
+}
+
+/// Duplicates are legal (they share their site's light equally) but often a mistake in the list.
+fn tell_duplicates(domain: &Directions) {
+    let shared: Vec<&Vec<u32>> = domain.members().iter().filter(|members| members.len() > 1).collect();
+    let Some(first) = shared.first() else { return };
+    let lamps: usize = shared.iter().map(|members| members.len()).sum();
+    let numbers: Vec<String> = first.iter().take(5).map(|lamp| (lamp + 1).to_string()).collect();
+    let several = if shared.len() > 1 { ", and others" } else { "" };
+    let verb = if shared.len() > 1 { "share directions" } else { "share a direction" };
+    note(&format!(
+        "{lamps} lamps {verb} (lamps {}{several}); each gets an equal part of its light",
+        numbers.join(", ")
+    ));
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: LpArguments,
+    }
+
+    fn parse(line: &str) -> Result<LpArguments, clap::Error> {
+        Line::try_parse_from(line.split_whitespace()).map(|line| line.arguments)
+    }
+
+    #[test]
+    fn defaults() {
+        let plan = parse("lp a.lp -o a.rfield").unwrap().plan().unwrap();
+        assert_eq!((plan.import.irradiance, plan.import.precision), (PI, Precision::Half));
+        assert_eq!((plan.import.encoding, plan.import.lengths), (Encoding::Auto, lp::Lengths::Unit));
+        assert!(plan.session.is_none() && plan.import.black.is_none() && plan.import.alpha.is_none());
+    }
+
+    #[test]
+    fn flags_reach_the_plan() {
+        let line = "lp a.lp -o a.rfield --encoding srgb --black b.png --precision float --irradiance 2.5 --alpha m.png \
+                    --normalise-directions --session no-such-folder";
+        let plan = parse(line).unwrap().plan().unwrap();
+        assert_eq!((plan.import.irradiance, plan.import.precision), (2.5, Precision::Float));
+        assert_eq!((plan.import.encoding, plan.import.lengths), (Encoding::Srgb, lp::Lengths::Normalise));
+        assert_eq!(plan.import.black, Some("b.png".into()));
+        assert_eq!(plan.import.alpha, Some("m.png".into()));
+        assert_eq!(plan.session, Some("no-such-folder".into()));
+    }
+
+    #[test]
+    fn a_target_is_required_and_numbers_are_numbers() {
+        for line in [
+            "lp a.lp",
+            "lp -o a.rfield",
+            "lp a.lp -o a.rfield --irradiance 0",
+            "lp a.lp -o a.rfield --irradiance -1",
+            "lp a.lp -o a.rfield --irradiance nan",
+            "lp a.lp -o a.rfield --irradiance inf",
+            "lp a.lp -o a.rfield --precision double",
+            "lp a.lp -o a.rfield --encoding gamma",
+        ] {
+            assert!(parse(line).is_err(), "{line}");
+        }
+        assert!(parse("lp a.lp --session s").is_ok());
+    }
+}

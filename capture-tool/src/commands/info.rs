@@ -1,0 +1,203 @@
+//! `relume info`: what a container says of itself.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use relume_core::domain::{Axis, Coverage};
+use relume_core::field::{Access, Asset, Precision};
+use serde::Serialize;
+
+const EXAMPLES: &str = "\
+Examples:
+  relume info vase.rfield
+  relume info vase.rfield --json";
+
+/// Raw flags.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// The .rfield file.
+    asset: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Arguments {
+    /// Opens and tells.
+    pub fn run(self) -> anyhow::Result<String> {
+        let asset = Asset::open(&self.asset, Access::Read)?;
+        let info = Info::of(&asset);
+        if self.json { Ok(serde_json::to_string_pretty(&info)? + "\n") } else { Ok(info.table()?) }
+    }
+}
+
+/// What is told. Field names are those of the JSON: permanent.
+#[derive(Debug, Serialize)]
+pub(super) struct Info<'a> {
+    file: String,
+    file_bytes: u64,
+    format: &'a str,
+    version: [u32; 2],
+    tool: &'a str,
+    colour_space: &'a str,
+    width: usize,
+    height: usize,
+    lamps: usize,
+    /// Distinct directions.
+    sites: usize,
+    axis: Axis,
+    coverage: CoverageInfo,
+    median_spacing_deg: f64,
+    /// Smallest and largest E_j.
+    irradiance: [f32; 2],
+    precision: Precision,
+    scale: f32,
+    layers: &'a BTreeMap<String, String>,
+    provenance: &'a serde_json::Value,
+}
+
+#[derive(Debug, Serialize)]
+struct CoverageInfo {
+    kind: &'static str,
+    half_angle_deg: f64,
+    solid_angle_sr: f64,
+}
+
+impl<'a> Info<'a> {
+    pub(super) fn of(asset: &'a Asset) -> Self {
+        let (manifest, domain) = (asset.manifest(), asset.domain());
+        let (kind, half_angle_deg) = match domain.coverage() {
+            Coverage::Sphere => ("sphere", 180.0),
+            Coverage::Cap { half_angle_rad } => ("cap", half_angle_rad.to_degrees()),
+        };
+        let extremes = |ends: [f32; 2], e: &f32| [ends[0].min(*e), ends[1].max(*e)];
+        Self {
+            file: asset.path().display().to_string(),
+            file_bytes: asset.file_len(),
+            format: &manifest.format,
+            version: manifest.version,
+            tool: &manifest.tool,
+            colour_space: &manifest.colour_space,
+            width: asset.width(),
+            height: asset.height(),
+            lamps: domain.len(),
+            sites: domain.sites().len(),
+            axis: domain.axis(),
+            coverage: CoverageInfo { kind, half_angle_deg, solid_angle_sr: domain.covered_solid_angle() },
+            median_spacing_deg: domain.median_spacing().to_degrees(),
+            irradiance: manifest.irradiance().iter().fold([f32::INFINITY, 0.0], extremes),
+            precision: asset.dense().precision(),
+            scale: asset.dense().scale(),
+            layers: &manifest.layers,
+            provenance: &manifest.provenance,
+        }
+    }
+
+    /// One line: lamps, size, coverage, bytes.
+    pub(super) fn summary(&self) -> String {
+        format!(
+            "{}: {} lamps, {} x {} pixels, {}, {}, {}",
+            self.file,
+            self.lamps,
+            self.width,
+            self.height,
+            self.coverage_words(),
+            precision_word(self.precision),
+            megabytes(self.file_bytes)
+        )
+    }
+
+    fn coverage_words(&self) -> String {
+        let axis = match self.axis {
+            Axis::Z => "+z (towards the camera)",
+            Axis::Y => "+y (up)",
+        };
+        match self.coverage.kind {
+            "sphere" => "the full sphere".to_owned(),
+            _ => format!("a cap of {:.1} degrees about {axis}", self.coverage.half_angle_deg),
+        }
+    }
+
+    fn table(&self) -> Result<String, std::fmt::Error> {
+        let mut out = String::new();
+        let [major, minor] = self.version;
+        let lamps = match self.lamps - self.sites {
+            0 => self.lamps.to_string(),
+            _ => format!("{} in {} directions", self.lamps, self.sites),
+        };
+        let [least, most] = self.irradiance;
+        let irradiance = if least == most { least.to_string() } else { format!("{least} to {most}") };
+        let layers: Vec<&str> = self.layers.keys().map(String::as_str).collect();
+        let layers = if layers.is_empty() { "none".to_owned() } else { layers.join(", ") };
+        let precision = format!("{}, scale {}", precision_word(self.precision), self.scale);
+        let coverage = format!("{}, {:.3} sr", self.coverage_words(), self.coverage.solid_angle_sr);
+        for (name, value) in [
+            ("file", self.file.clone()),
+            ("bytes", format!("{} ({})", self.file_bytes, megabytes(self.file_bytes))),
+            ("format", format!("{} {major}.{minor}, written by {}", self.format, self.tool)),
+            ("size", format!("{} x {} pixels, {}", self.width, self.height, self.colour_space)),
+            ("lamps", lamps),
+            ("coverage", coverage),
+            ("spacing", format!("{:.2} degrees (median to the nearest lamp)", self.median_spacing_deg)),
+            ("irradiance", irradiance),
+            ("precision", precision),
+            ("layers", layers),
+        ] {
+            writeln!(out, "{name:<12}{value}")?;
+        }
+        for (name, value) in self.provenance.as_object().into_iter().flatten() {
+            writeln!(out, "{name:<12}{}", provenance_words(value))?;
+        }
+        Ok(out)
+    }
+}
+
+/// A value of the provenance in a line; long lists by their ends.
+fn provenance_words(value: &serde_json::Value) -> String {
+    match value {
+        serde_json::Value::Null => "none".to_owned(),
+        serde_json::Value::String(text) => text.clone(),
+        serde_json::Value::Array(items) if items.len() > 2 => {
+            let end = |item: Option<&serde_json::Value>| item.map(provenance_words).unwrap_or_default();
+            format!("{} ... {} ({})", end(items.first()), end(items.last()), items.len())
+        }
+        other => other.to_string(),
+    }
+}
+
+fn precision_word(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Half => "half",
+        Precision::Float => "float",
+    }
+}
+
+/// Bytes for people, in units of 1000.
+fn megabytes(bytes: u64) -> String {
+    match bytes as f64 {
+        b if b >= 1e9 => format!("{:.2} GB", b / 1e9),
+        b if b >= 1e6 => format!("{:.1} MB", b / 1e6),
+        b => format!("{:.1} kB", b / 1e3),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_read_well() {
+        assert_eq!(megabytes(999), "1.0 kB");
+        assert_eq!(megabytes(68_812_345), "68.8 MB");
+        assert_eq!(megabytes(3_145_000_000), "3.15 GB");
+    }
+
+    #[test]
+    fn lists_show_their_ends() {
+        assert_eq!(provenance_words(&serde_json::json!(["a", "b", "c"])), "a ... c (3)");
+        assert_eq!(provenance_words(&serde_json::json!(null)), "none");
+    }
+}

@@ -1,0 +1,140 @@
+//! Progress bars with time left, and Ctrl-C.
+//!
+//! Work reports each finished unit through [`Progress::step`]; that is also where a request to stop takes effect, so that
+//! every output is either whole or gone.
+
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use relume_core::Error;
+
+/// Work that will take less than this gets no bar.
+const WORTH_SHOWING: Duration = Duration::from_secs(2);
+/// How long to watch before the time left is guessed.
+const WATCH: Duration = Duration::from_millis(300);
+
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// From now on Ctrl-C (and a polite `kill`) stops between two units of work; the second one exits at once.
+pub fn listen_for_ctrl_c() {
+    let on_signal = || {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(i32::from(crate::EXIT_STOPPED));
+        }
+        if std::io::stderr().is_terminal() {
+            crate::complain("\nstopping after this step; again to exit at once");
+        }
+    };
+    // Where no handler can be set, Ctrl-C ends the program as it would any other.
+    let _ = ctrlc::set_handler(on_signal);
+}
+
+/// Stops if that was asked for.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub fn check() -> relume_core::Result<()> {
+    if STOP.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
+}
+
+/// Is an error the answer to a request to stop?
+pub fn is_cancelled(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| matches!(cause.downcast_ref::<Error>(), Some(Error::Cancelled)))
+}
+
+/// How a bar counts.
+#[derive(Debug, Clone, Copy)]
+pub enum Unit {
+    /// Photographs, rows.
+    Steps,
+    /// Bytes.
+    Bytes,
+}
+
+/// A bar that appears once the work is known to be long, and only on a terminal.
+#[derive(Debug)]
+pub struct Progress {
+    what: &'static str,
+    unit: Unit,
+    begun: Instant,
+    bar: Option<ProgressBar>,
+}
+
+impl Progress {
+    /// `what` is being done, as in "importing".
+    pub fn new(what: &'static str, unit: Unit) -> Self {
+        Self { what, unit, begun: Instant::now(), bar: None }
+    }
+
+    /// `done` of `total` units are finished.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] after Ctrl-C.
+    pub fn step(&mut self, done: u64, total: u64) -> relume_core::Result<()> {
+        check()?;
+        if self.bar.is_none() && is_long(self.begun.elapsed(), done, total) && std::io::stderr().is_terminal() {
+            self.bar = Some(bar(self.what, self.unit, total).with_elapsed(self.begun.elapsed()));
+        }
+        if let Some(bar) = &self.bar {
+            bar.set_position(done);
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Will the work take longer than [`WORTH_SHOWING`] in all, going by what was done so far?
+fn is_long(elapsed: Duration, done: u64, total: u64) -> bool {
+    let expected = elapsed.as_secs_f64() * total as f64 / done.max(1) as f64;
+    elapsed >= WATCH && expected > WORTH_SHOWING.as_secs_f64()
+}
+
+fn bar(what: &'static str, unit: Unit, total: u64) -> ProgressBar {
+    let count = match unit {
+        Unit::Steps => "{pos}/{len}",
+        Unit::Bytes => "{bytes}/{total_bytes}",
+    };
+    let template = format!("{{msg}} [{{bar:30}}] {count}, {{eta}} left");
+    let style = ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr())
+        .with_style(style.progress_chars("=> "))
+        .with_message(what)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_are_for_long_work() {
+        let seconds = Duration::from_secs_f64;
+        assert!(!is_long(seconds(0.1), 1, 1000), "too early to tell");
+        assert!(!is_long(seconds(0.5), 50, 100), "one second in all");
+        assert!(is_long(seconds(0.5), 10, 100), "five seconds in all");
+        assert!(is_long(seconds(2.1), 99, 100));
+        assert!(is_long(seconds(3.0), 0, 100));
+    }
+
+    #[test]
+    fn the_style_is_understood() {
+        for unit in [Unit::Steps, Unit::Bytes] {
+            assert_eq!(bar("importing", unit, 7).message(), "importing");
+        }
+    }
+
+    #[test]
+    fn a_request_to_stop_is_recognised_under_its_context() {
+        let error = anyhow::Error::new(Error::Cancelled).context("cannot import");
+        assert!(is_cancelled(&error));
+        assert!(!is_cancelled(&anyhow::anyhow!("stopped on request")));
+    }
+}
