@@ -23,6 +23,8 @@
 //! | [`evaluate`] | errors and figures |
 //! | [`settings`] | the one table of user settings |
 
+#![deny(unsafe_code)]
+
 pub mod error;
 pub mod files;
 pub mod image;

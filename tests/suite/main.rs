@@ -1,2 +1,5 @@
-//! x
-fn main() {}
+//! The one integration test binary.
+
+mod host_self;
+mod plugin;
+mod relight_effect;

@@ -108,7 +108,7 @@ impl Directions {
         if lamps.is_empty() {
             return Err(Error::invalid("light directions", "none", "at least one"));
         }
-        if let Some(n) = lamps.iter().position(|d| !((d.norm() - 1.0).abs() < 1e-3)) {
+        if let Some(n) = lamps.iter().position(|d| !(0.999..=1.001).contains(&d.norm())) {
             let found = format!("({}, {}, {})", lamps[n].x, lamps[n].y, lamps[n].z);
             return Err(Error::invalid(format!("light direction {}", n + 1), found, "a unit vector"));
         }

@@ -1,1 +1,270 @@
-//! tests
+//! Containers, from outside: what was written is read back, and mistakes are named.
+
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use half::f16;
+
+use super::*;
+use crate::domain::Directions;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::math::Vec3;
+
+/// T(x, y, c, lamp), a different number everywhere.
+fn transport(x: usize, y: usize, c: usize, lamp: usize) -> f32 {
+    (x as f32 + 0.01 * y as f32 + 7.0 * c as f32) * (lamp as f32 - 1.5)
+}
+
+/// A source of [`transport`].
+struct Formula(Layout);
+
+impl Bands for Formula {
+    fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
+        for (n, out) in blocks.iter_mut().enumerate() {
+            let (k, rest) = (n % BLOCK_PIXELS, n / BLOCK_PIXELS);
+            let (lamp, rest) = (rest % self.0.elements, rest / self.0.elements);
+            let (c, bx) = (rest % 3, columns.start + rest / 3);
+            let (x, y) = (bx * BLOCK_WIDTH + k % BLOCK_WIDTH, by * BLOCK_HEIGHT + k / BLOCK_WIDTH);
+            if x < self.0.width && y < self.0.height {
+                *out = transport(x, y, c, lamp);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn contents(precision: Precision, width: usize, height: usize) -> Contents {
+    Contents {
+        domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()]).unwrap(),
+        irradiance: vec![1.0, 2.0, std::f32::consts::PI],
+        width,
+        height,
+        precision,
+        largest: 200.0,
+        ambient: Some(Image::from_fn(width, height, |x, y| [x as f32, y as f32, 0.5])),
+        alpha: Some((0..width * height).map(|n| (n % 3) as f32 / 2.0).collect()),
+        provenance: serde_json::json!({"source": "formula"}),
+    }
+}
+
+fn written(folder: &Path, precision: Precision) -> PathBuf {
+    let path = folder.join("a.rfield");
+    let contents = contents(precision, 37, 21);
+    write(&path, &contents, &mut Formula(Layout { width: 37, height: 21, elements: 3 })).unwrap();
+    path
+}
+
+fn no_progress(_: u64, _: u64) -> Result<()> {
+    Ok(())
+}
+
+#[test]
+fn what_was_written_is_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    for precision in [Precision::Half, Precision::Float] {
+        let path = written(folder.path(), precision);
+        for access in [Access::Mapped, Access::Read] {
+            let asset = Asset::open(&path, access).unwrap();
+            asset.verify(&mut no_progress).unwrap();
+            assert_eq!((asset.width(), asset.height(), asset.domain().len()), (37, 21, 3));
+            assert_eq!(asset.manifest().irradiance(), contents(precision, 37, 21).irradiance);
+            assert_eq!(asset.ambient(), contents(precision, 37, 21).ambient.as_ref());
+            assert_eq!(asset.alpha(), contents(precision, 37, 21).alpha.as_deref());
+            assert_eq!(asset.domain().coverage(), contents(precision, 37, 21).domain.coverage());
+            let mut buffer = BlockBuffer::default();
+            for (x, y, c, lamp) in [(0, 0, 0, 0), (36, 20, 2, 2), (17, 9, 1, 1), (15, 7, 0, 2), (16, 8, 2, 0)] {
+                let block = asset.dense().block(x / 16, y / 8, c, &mut buffer).unwrap();
+                let at = lamp * BLOCK_PIXELS + (y % 8) * 16 + x % 16;
+                let stored = match block {
+                    Block::Half(t) => t[at].to_f32(),
+                    Block::Float(t) => t[at],
+                };
+                let (found, expected) = (stored * asset.dense().scale(), transport(x, y, c, lamp));
+                let tolerance = if precision == Precision::Half { expected.abs() / 2048.0 } else { 0.0 };
+                assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn entries_are_stored_aligned_and_hashed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
+    let manifest = Asset::open(&path, Access::Read).unwrap().manifest().clone();
+    assert_eq!(zip.len(), manifest.blake3.len() + 1);
+    for n in 0..zip.len() {
+        let mut entry = zip.by_index(n).unwrap();
+        assert_eq!(entry.compression(), zip::CompressionMethod::Stored);
+        assert_eq!(entry.data_start().unwrap() % 64, 0);
+        let name = entry.name().unwrap().into_owned();
+        let mut bytes = Vec::new();
+        // Reading through checks the CRC as well.
+        entry.read_to_end(&mut bytes).unwrap();
+        if name != "manifest.json" {
+            assert_eq!(manifest.blake3[&name], blake3::hash(&bytes).to_hex().to_string(), "{name}");
+        }
+        if name == "preview.png" {
+            assert_eq!(image::load_from_memory(&bytes).unwrap().width(), 37);
+        }
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing else is left");
+}
+
+#[test]
+fn halves_are_scaled_by_a_power_of_two() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bright.rfield");
+    let bright = Contents { largest: 3.0e6, ..contents(Precision::Half, 16, 8) };
+    /// One number everywhere.
+    struct Constant(f32);
+    impl Bands for Constant {
+        fn fill(&mut self, _: usize, _: Range<usize>, blocks: &mut [f32]) -> Result<()> {
+            blocks.fill(self.0);
+            Ok(())
+        }
+    }
+    write(&path, &bright, &mut Constant(3.0e6)).unwrap();
+    let asset = Asset::open(&path, Access::Mapped).unwrap();
+    assert_eq!(asset.dense().scale(), 256.0);
+    let mut buffer = BlockBuffer::default();
+    let Block::Half(t) = asset.dense().block(0, 0, 0, &mut buffer).unwrap() else { panic!("halves") };
+    assert_eq!(t[0], f16::from_f32(3.0e6 / 256.0));
+    for bad in [f32::NAN, f32::INFINITY, 1e9] {
+        let absent = folder.path().join("bad.rfield");
+        assert!(write(&absent, &bright, &mut Constant(bad)).is_err(), "{bad}");
+        assert!(!absent.exists());
+    }
+}
+
+#[test]
+fn a_source_that_fails_leaves_nothing() {
+    /// Stops in the second row.
+    struct Stops;
+    impl Bands for Stops {
+        fn fill(&mut self, by: usize, _: Range<usize>, _: &mut [f32]) -> Result<()> {
+            if by == 0 { Ok(()) } else { Err(Error::Cancelled) }
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let result = write(&folder.path().join("a.rfield"), &contents(Precision::Half, 37, 21), &mut Stops);
+    assert!(matches!(result, Err(Error::Cancelled)));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_changed_byte_is_found_by_verify() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[3000] ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let message = Asset::open(&path, Access::Mapped).unwrap().verify(&mut no_progress).unwrap_err().to_string();
+    assert!(message.contains("transport/dense.npy") && message.contains("changed"), "{message}");
+}
+
+/// Rewrites a container with the zip crate, entry by entry; `change` may rename, replace or drop (empty name) each.
+fn rewritten(path: &Path, change: impl Fn(&str, Vec<u8>) -> (String, Vec<u8>)) -> PathBuf {
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let target = path.with_extension("changed.rfield");
+    let mut out = zip::ZipWriter::new(std::fs::File::create(&target).unwrap());
+    for n in 0..zip.len() {
+        let mut entry = zip.by_index(n).unwrap();
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes).unwrap();
+        let (name, bytes) = change(&entry.name().unwrap(), bytes);
+        if !name.is_empty() {
+            let options = zip::write::SimpleFileOptions::default().with_alignment(64);
+            out.start_file(name, options.compression_method(zip::CompressionMethod::Stored)).unwrap();
+            std::io::Write::write_all(&mut out, &bytes).unwrap();
+        }
+    }
+    out.finish().unwrap();
+    target
+}
+
+#[test]
+fn hostile_containers_get_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let manifest = |from: &'static str, to: &'static str| {
+        move |name: &str, bytes: Vec<u8>| {
+            let bytes = if name == "manifest.json" {
+                let text = String::from_utf8(bytes).unwrap();
+                assert!(text.contains(from), "{from}");
+                text.replace(from, to).into_bytes()
+            } else {
+                bytes
+            };
+            (name.to_owned(), bytes)
+        }
+    };
+    type Change = Box<dyn Fn(&str, Vec<u8>) -> (String, Vec<u8>)>;
+    let cases: Vec<(&str, Change)> = vec![
+        ("names of letters", Box::new(|name, bytes| (name.replace("preview.png", "../preview.png"), bytes))),
+        ("names of letters", Box::new(|name, bytes| (name.replace("preview.png", "/etc/passwd"), bytes))),
+        ("no manifest.json", Box::new(|name, bytes| (name.replace("manifest.json", "manifest.txt"), bytes))),
+        ("no such entry", Box::new(|name, bytes| (name.replace("dense", "dens"), bytes))),
+        ("no such entry", Box::new(|name, bytes| (name.replace("layers/alpha.npy", ""), bytes))),
+        ("container version 2.0", Box::new(manifest("\"version\": [\n    1,", "\"version\": [\n    2,"))),
+        ("format `other`", Box::new(manifest("\"relume.rfield\"", "\"other\""))),
+        ("picture of 0", Box::new(manifest("\"width\": 37", "\"width\": 0"))),
+        ("picture of 18446744073709551615", Box::new(manifest("\"width\": 37", "\"width\": 18446744073709551615"))),
+        ("header", Box::new(manifest("\"width\": 37", "\"width\": 131072"))),
+        ("power of two", Box::new(manifest("\"scale\": 0.015625", "\"scale\": 0.3"))),
+        ("unknown variant", Box::new(manifest("\"kind\": \"dense\"", "\"kind\": \"holographic\""))),
+        ("irradiances", Box::new(manifest("\"irradiance\": [", "\"irradiance\": [ 1.0,"))),
+        (
+            "unit vector",
+            Box::new(manifest("\"directions\": [\n      [\n        0.0", "\"directions\": [\n      [\n        9.0")),
+        ),
+        ("line", Box::new(manifest("{", "[["))),
+        (
+            "bytes",
+            Box::new(|name, mut bytes| {
+                if name.ends_with("dense.npy") {
+                    bytes.pop();
+                }
+                (name.to_owned(), bytes)
+            }),
+        ),
+        (
+            "outside 0 to 1",
+            Box::new(|name, mut bytes| {
+                if name.ends_with("alpha.npy") {
+                    let at = bytes.len() - 4;
+                    bytes[at..].copy_from_slice(&7.0f32.to_le_bytes());
+                }
+                (name.to_owned(), bytes)
+            }),
+        ),
+    ];
+    for (part, change) in cases {
+        let changed = rewritten(&path, change);
+        for access in [Access::Mapped, Access::Read] {
+            let message = Asset::open(&changed, access).unwrap_err().to_string();
+            assert!(message.contains(part) && message.contains("changed.rfield"), "`{message}` lacks `{part}`");
+        }
+    }
+    assert!(Asset::open(&rewritten(&path, |name, bytes| (name.to_owned(), bytes)), Access::Mapped).is_ok());
+}
+
+#[test]
+fn what_is_no_container_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let whole = std::fs::read(&path).unwrap();
+    let other = folder.path().join("other.rfield");
+    for bytes in
+        [&b""[..], b"PK", b"a text file, not a container", &whole[..whole.len() / 2], &whole[..whole.len() - 1]]
+    {
+        std::fs::write(&other, bytes).unwrap();
+        let message = Asset::open(&other, Access::Mapped).unwrap_err().to_string();
+        assert!(message.contains("other.rfield"), "{message}");
+    }
+    assert!(matches!(Asset::open(&folder.path().join("absent"), Access::Mapped), Err(Error::Io { .. })));
+    assert!(Asset::open(folder.path(), Access::Mapped).is_err(), "a folder");
+}

@@ -57,7 +57,7 @@ impl EnvMap {
     }
 
     /// The six-pole chart: a disc of 30 degrees about each axis on black. +x red, -x cyan, +y green, -y magenta, +z
-    /// (towards the camera) blue, -z yellow. `presets/charts/six-poles.hdr` holds it as a file.
+    /// (towards the camera) blue, -z yellow. `presets/charts/six-poles.png` holds it as a file.
     pub fn six_poles(width: usize, height: usize) -> Self {
         let poles = [
             (Vec3::x(), [1.0, 0.0, 0.0]),
@@ -183,6 +183,12 @@ mod tests {
             assert!((energy(&small, c) / energy(&map, c) - 1.0).abs() < 1e-6);
         }
         assert_eq!(map.reduced(300).image().size(), (300, 150));
+    }
+
+    #[test]
+    fn the_chart_that_ships_is_the_chart() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../presets/charts/six-poles.png");
+        assert_eq!(EnvMap::load(&file).unwrap(), EnvMap::six_poles(512, 256));
     }
 
     #[test]

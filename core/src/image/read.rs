@@ -230,7 +230,7 @@ mod tests {
         for original in originals(folder.path()) {
             let bytes = std::fs::read(&original).unwrap();
             let mut refused = 0;
-            for variant in 0..400 {
+            for variant in 0..250 {
                 std::fs::write(&target, mutated(&bytes, &mut rng)).unwrap();
                 let outcome = catch_unwind(|| (read(&target, Encoding::Auto), probe_size(&target)));
                 let Ok((read, _)) = outcome else {
@@ -243,7 +243,7 @@ mod tests {
                     assert!(error.to_string().contains("variant"), "{error}");
                 }
             }
-            assert!(refused >= 100, "{}: only {refused} of 400 variants were refused", original.display());
+            assert!(refused >= 60, "{}: only {refused} of 250 variants were refused", original.display());
         }
     }
 }

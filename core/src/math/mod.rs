@@ -6,8 +6,6 @@
 
 pub mod latlong;
 
-pub use crate::image::srgb;
-
 /// A vector or point in the stage frame.
 pub type Vec3 = nalgebra::Vector3<f64>;
 

@@ -1,0 +1,32 @@
+//! The pinhole camera of the stage: on +z, looking at the origin, +x right and +y up.
+
+use super::V3;
+use super::shape::Ray;
+
+/// A pinhole on the +z axis with square pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Columns of the picture.
+    pub width: usize,
+    /// Rows of the picture.
+    pub height: usize,
+    /// From the origin to the pinhole, scene units.
+    pub distance: f32,
+    /// Vertical field of view, radians.
+    pub view_rad: f32,
+}
+
+impl Camera {
+    /// The view of [`Scene::demo`](super::Scene::demo).
+    pub fn demo(width: usize, height: usize) -> Self {
+        Self { width, height, distance: 6.5, view_rad: 22f32.to_radians() }
+    }
+
+    /// The ray through continuous picture coordinates: (0, 0) is the top left corner, pixel centres lie at +0.5.
+    pub(super) fn ray(&self, x: f32, y: f32) -> Ray {
+        let scale = 2.0 * (0.5 * self.view_rad).tan() / self.height as f32;
+        let right = (x - 0.5 * self.width as f32) * scale;
+        let up = (0.5 * self.height as f32 - y) * scale;
+        Ray { origin: V3::new(0.0, 0.0, self.distance), direction: V3::new(right, up, -1.0).normalize() }
+    }
+}

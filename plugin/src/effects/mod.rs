@@ -1,0 +1,3 @@
+//! The effects of the library.
+
+pub mod relight;
