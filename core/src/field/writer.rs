@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::mem::ManuallyDrop;
 use std::ops::Range;
 use std::path::Path;
 
@@ -68,7 +69,7 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
         return Err(Error::invalid("field", found, format!("{}, one a lamp", layout.elements)));
     }
     write_whole(path, |file| {
-        let mut out = Entries { zip: ZipWriter::new(file), path, blake3: BTreeMap::new() };
+        let mut out = Entries { zip: ManuallyDrop::new(ZipWriter::new(file)), path, blake3: BTreeMap::new() };
         let scale = scale_for(contents);
         let preview = out.dense("transport/dense.npy", contents, layout, scale, bands)?;
         let mut layers = BTreeMap::new();
@@ -107,7 +108,7 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
         let text =
             serde_json::to_vec_pretty(&manifest).map_err(|e| Error::invalid("manifest", e.to_string(), "JSON"))?;
         out.entry("manifest.json", &text)?;
-        out.zip.finish().map_err(|error| failed(path, error))?;
+        ManuallyDrop::into_inner(out.zip).finish().map_err(|error| failed(path, error))?;
         Ok(())
     })
 }
@@ -144,7 +145,9 @@ fn failed(path: &Path, error: zip::result::ZipError) -> Error {
 
 /// The entries written so far.
 struct Entries<'a> {
-    zip: ZipWriter<&'a mut BufWriter<File>>,
+    /// Not dropped after a failure: dropping an unfinished writer tries to finish it, into a file that is about to go, and
+    /// complains on the standard error, which is not ours to write to.
+    zip: ManuallyDrop<ZipWriter<&'a mut BufWriter<File>>>,
     path: &'a Path,
     blake3: BTreeMap<String, String>,
 }
