@@ -146,14 +146,14 @@ fn report(out: &Path, cases: &[Case], relit: &[Image], truths: &[Image], seen: &
     let mut text = String::from("Relit against lit directly, relative L2 error (noise of both included):\n\n");
     write!(text, "  {:8}", "light")?;
     for (name, classes) in &groups {
-        write!(text, "{:>26}", format!("{name} ({} px)", seen.pixels(classes).len()))?;
+        write!(text, "{:>29}", format!("{name} ({} px)", seen.pixels(classes).len()))?;
     }
     for ((case, picture), truth) in cases.iter().zip(relit).zip(truths) {
         write!(text, "\n  {:8}", case.name)?;
         for (_, classes) in &groups {
             let shown = |x: usize, y: usize| f32::from(classes.contains(&seen.class[y * seen.width + x]));
             let mask = Image::from_fn(seen.width, seen.height, |x, y| [shown(x, y); 3]);
-            write!(text, "{:>24.2} %", 100.0 * compare(picture, truth, Some(&mask))?.relative_l2)?;
+            write!(text, "{:>27.2} %", 100.0 * compare(picture, truth, Some(&mask))?.relative_l2)?;
         }
     }
     write!(

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::Weights;
-use super::kernels::{self, Isa, Sums};
+use super::kernels::{self, Isa, Sums, TOGETHER};
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense};
 use crate::image::{Image, Window};
@@ -89,13 +89,32 @@ impl Stream<'_> {
                 }
                 // Converted once, in cache, and used by every illumination.
                 kernels::expand(block, &mut floats);
-                for (weights, strip) in self.weights[c].iter().zip(&mut *strips) {
-                    let sums = kernels::block_sums(self.isa, Block::Float(&floats), weights);
-                    self.scatter(&sums, bx, by, c, strip);
+                let groups = self.weights[c].chunks(TOGETHER).zip(strips.chunks_mut(TOGETHER));
+                for (weights, strips) in groups {
+                    self.together(&floats, weights, strips, (bx, by, c));
                 }
             }
         }
         Ok(())
+    }
+
+    /// One expanded block under up to [`TOGETHER`] illuminations.
+    fn together(
+        &self,
+        floats: &[f32],
+        weights: &[Vec<f32>],
+        strips: &mut [&mut [f32]],
+        (bx, by, c): (usize, usize, usize),
+    ) {
+        if let [p, q, r, s] = weights {
+            let sums = kernels::block_sums_together(self.isa, floats, [p, q, r, s]);
+            strips.iter_mut().zip(&sums).for_each(|(strip, sums)| self.scatter(sums, bx, by, c, strip));
+            return;
+        }
+        for (weights, strip) in weights.iter().zip(strips) {
+            let sums = kernels::block_sums(self.isa, Block::Float(floats), weights);
+            self.scatter(&sums, bx, by, c, strip);
+        }
     }
 
     /// Puts a block's sums where the window has them.

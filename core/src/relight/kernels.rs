@@ -83,6 +83,23 @@ pub fn block_sums(isa: Isa, block: Block<'_>, weights: &[f32]) -> Sums {
     }
 }
 
+/// Illuminations that share a pass over an expanded block.
+pub const TOGETHER: usize = 4;
+
+/// Sums of an expanded block under [`TOGETHER`] sets of weights: each number is loaded once for all of them.
+///
+/// # Panics
+/// When the block does not hold 128 numbers a weight.
+pub fn block_sums_together(isa: Isa, floats: &[f32], weights: [&[f32]; TOGETHER]) -> [Sums; TOGETHER] {
+    assert!(weights.iter().all(|w| floats.len() == w.len() * BLOCK_PIXELS), "128 numbers a weight");
+    match isa.0 {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: an `Isa` only comes from `available`; the lengths were checked above.
+        Kind::Avx512 => unsafe { avx512::together(floats, weights) },
+        _ => weights.map(|w| block_sums(isa, Block::Float(floats), w)),
+    }
+}
+
 /// Expands a block to floats, for use under several sets of weights.
 pub fn expand(block: Block<'_>, out: &mut Vec<f32>) {
     use half::slice::HalfFloatSliceExt;
@@ -130,10 +147,12 @@ mod avx512 {
 
     use half::f16;
 
-    use super::{BLOCK_PIXELS, PREFETCH_BYTES, Sums};
+    use super::{BLOCK_PIXELS, PREFETCH_BYTES, Sums, TOGETHER};
 
     const LANES: usize = 16;
     const REGISTERS: usize = BLOCK_PIXELS / LANES;
+    /// Two passes of half a block: 4 illuminations x 4 sums are 16 of the 32 registers.
+    const HALF_REGISTERS: usize = REGISTERS / 2;
 
     /// # Safety
     /// The processor has AVX-512F; `t` holds 128 numbers a weight.
@@ -153,7 +172,9 @@ mod avx512 {
             }
             at = at.wrapping_add(BLOCK_PIXELS * 2);
         }
-        store(&acc)
+        let mut sums = [0.0; BLOCK_PIXELS];
+        store(&acc, &mut sums);
+        sums
     }
 
     /// # Safety
@@ -174,17 +195,45 @@ mod avx512 {
             }
             at = at.wrapping_add(BLOCK_PIXELS);
         }
-        store(&acc)
+        let mut sums = [0.0; BLOCK_PIXELS];
+        store(&acc, &mut sums);
+        sums
+    }
+
+    /// # Safety
+    /// As [`half`], for every set of weights. No prefetching: the block was just expanded and lies in cache.
+    #[target_feature(enable = "avx512f")]
+    pub unsafe fn together(t: &[f32], weights: [&[f32]; TOGETHER]) -> [Sums; TOGETHER] {
+        let mut sums = [[0.0; BLOCK_PIXELS]; TOGETHER];
+        for pass in 0..2 {
+            let first = pass * HALF_REGISTERS * LANES;
+            let mut acc = [[_mm512_setzero_ps(); HALF_REGISTERS]; TOGETHER];
+            let mut at = t.as_ptr().wrapping_add(first);
+            for element in 0..weights[0].len() {
+                // SAFETY: from `at` this element has at least 64 floats; k < 4, 16 each.
+                let numbers: [__m512; HALF_REGISTERS] =
+                    std::array::from_fn(|k| unsafe { _mm512_loadu_ps(at.wrapping_add(k * LANES)) });
+                for (acc, weights) in acc.iter_mut().zip(&weights) {
+                    let w = _mm512_set1_ps(weights[element]);
+                    for (sum, number) in acc.iter_mut().zip(numbers) {
+                        *sum = _mm512_fmadd_ps(number, w, *sum);
+                    }
+                }
+                at = at.wrapping_add(BLOCK_PIXELS);
+            }
+            for (sums, acc) in sums.iter_mut().zip(&acc) {
+                store(acc, &mut sums[first..]);
+            }
+        }
+        sums
     }
 
     #[target_feature(enable = "avx512f")]
-    fn store(acc: &[__m512; REGISTERS]) -> Sums {
-        let mut sums = [0.0; BLOCK_PIXELS];
-        for (out, register) in sums.chunks_exact_mut(LANES).zip(acc) {
+    fn store(acc: &[__m512], out: &mut [f32]) {
+        for (out, register) in out.chunks_exact_mut(LANES).zip(acc) {
             // SAFETY: `out` has room for 16 floats.
             unsafe { _mm512_storeu_ps(out.as_mut_ptr(), *register) };
         }
-        sums
     }
 }
 
@@ -282,6 +331,16 @@ mod tests {
                         // 253 roundings of numbers up to 4, of either sign.
                         assert!((a - b).abs() <= 2e-4, "{isa:?}, {elements} elements: {a} against {b}");
                     }
+                }
+                let sets: [Vec<f32>; TOGETHER] =
+                    std::array::from_fn(|n| weights.iter().map(|w| w * (n as f32 - 1.5)).collect());
+                let together = block_sums_together(isa, &floats, sets.each_ref().map(Vec::as_slice));
+                for (sums, weights) in together.iter().zip(&sets) {
+                    let plain = plain_float(&floats, weights);
+                    assert!(
+                        sums.iter().zip(&plain).all(|(a, b)| (a - b).abs() <= 4e-4),
+                        "{isa:?}, {elements} elements"
+                    );
                 }
             }
         }

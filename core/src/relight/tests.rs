@@ -161,7 +161,7 @@ fn windows_threads_access_and_company_change_nothing() {
     let scene = Ball::new(60, Precision::Half);
     let look = Look { ambient: 0.5, heading_deg: 20.0, ..Look::default() };
     let weights: Vec<Weights> =
-        (0..3).map(|seed| scene.relighter.weights(Light::Map(&random_map(seed)), &look).unwrap()).collect();
+        (0..6).map(|seed| scene.relighter.weights(Light::Map(&random_map(seed)), &look).unwrap()).collect();
     let whole = scene.relighter.render(&weights[0], &look, Window::full(40, 40)).unwrap();
 
     for window in [(0, 0, 1, 1), (3, 5, 29, 31), (16, 8, 32, 16), (39, 39, 40, 40), (7, 0, 7, 9)] {
