@@ -88,7 +88,7 @@ impl Stream<'_> {
                     continue;
                 }
                 // Converted once, in cache, and used by every illumination.
-                kernels::expand(block, &mut floats);
+                kernels::expand(self.isa, block, &mut floats);
                 let groups = self.weights[c].chunks(TOGETHER).zip(strips.chunks_mut(TOGETHER));
                 for (weights, strips) in groups {
                     self.together(&floats, weights, strips, (bx, by, c));
