@@ -1,5 +1,7 @@
 //! The one integration test binary.
 
+mod cli;
+mod cli_sets;
 mod host_self;
 mod plugin;
 mod relight_effect;
