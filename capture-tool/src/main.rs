@@ -6,6 +6,7 @@
 mod commands;
 mod progress;
 mod session;
+mod sheet;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -25,6 +26,7 @@ struct Arguments {
 
 const AFTER_HELP: &str = "\
 Example:
+  relume demo
   relume import lp photographs/dirs.lp -o vase.rfield
   relume relight vase.rfield --env park.hdr -o vase.exr
 

@@ -1,6 +1,7 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
 mod compare;
+mod demo;
 mod import;
 mod info;
 mod relight;
@@ -12,6 +13,8 @@ use clap::Subcommand;
 /// What the tool can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Photograph a virtual still life under 2560 lamps, relight it, and compare with the scene lit directly.
+    Demo(demo::Arguments),
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
@@ -32,6 +35,7 @@ impl Command {
     /// Bad input, with the file named; `relume_core::Error::Cancelled` after Ctrl-C.
     pub fn run(self) -> anyhow::Result<String> {
         match self {
+            Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),

@@ -34,7 +34,7 @@ pub struct Quality {
 impl Default for Quality {
     /// What the demonstration uses.
     fn default() -> Self {
-        Self { samples: 16, bounces: 16, stride: 8, cone_density: 10_000.0, depth: 6, seed: 1 }
+        Self { samples: 16, bounces: 16, stride: 2, cone_density: 10_000.0, depth: 6, seed: 1 }
     }
 }
 

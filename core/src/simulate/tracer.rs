@@ -164,8 +164,11 @@ impl<'a> Tracer<'a> {
 
     /// Light from other rough surfaces.
     fn bounce(&self, vertex: &Vertex, weight: Rgb, stand: Stand, state: &mut State, out: &mut dyn Collector) {
-        let (lobe, u) =
-            if stand.first { (state.lobe.next(), state.bounce.next()) } else { (state.rng.random(), state.rng.random()) };
+        let (lobe, u) = if stand.first {
+            (state.lobe.next(), state.bounce.next())
+        } else {
+            (state.rng.random(), state.rng.random())
+        };
         let direction = vertex.scatter.draw(lobe, u);
         let scattered = vertex.scatter.towards(&direction);
         if peak(&scattered) <= 0.0 {
