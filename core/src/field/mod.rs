@@ -20,6 +20,7 @@
 //! | `npy` | array headers |
 //! | `store` | how bytes arrive: mapped or read |
 //! | `dense` | one coefficient picture per element |
+//! | `sink` | what the archive is written to, silent after a failure |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
 
@@ -29,6 +30,7 @@ mod dense;
 mod manifest;
 mod mapping;
 mod npy;
+mod sink;
 mod store;
 mod writer;
 

@@ -1,5 +1,6 @@
 //! Writing a container in bounded memory: `T` comes in pieces, is rounded, hashed and appended.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -14,6 +15,7 @@ use zip::{CompressionMethod, ZipWriter};
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
 use super::manifest::{Domain, FORMAT, Manifest, Precision, Representation, VERSION};
 use super::npy;
+use super::sink::Sink;
 use crate::domain::Directions;
 use crate::error::{Error, Result};
 use crate::files::write_whole;
@@ -68,48 +70,53 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
         return Err(Error::invalid("field", found, format!("{}, one a lamp", layout.elements)));
     }
     write_whole(path, |file| {
-        let mut out = Entries { zip: ZipWriter::new(file), path, blake3: BTreeMap::new() };
-        let scale = scale_for(contents);
-        let preview = out.dense("transport/dense.npy", contents, layout, scale, bands)?;
-        let mut layers = BTreeMap::new();
-        if let Some(ambient) = &contents.ambient {
-            out.floats("layers/ambient.npy", &[layout.height, layout.width, CHANNELS], ambient.data())?;
-            layers.insert("ambient".to_owned(), "layers/ambient.npy".to_owned());
-        }
-        if let Some(alpha) = &contents.alpha {
-            out.floats("layers/alpha.npy", &[layout.height, layout.width], alpha)?;
-            layers.insert("alpha".to_owned(), "layers/alpha.npy".to_owned());
-        }
-        out.entry("preview.png", &encode_png8(&exposed(preview))?)?;
-        let manifest = Manifest {
-            format: FORMAT.to_owned(),
-            version: VERSION,
-            tool: concat!("relume ", env!("CARGO_PKG_VERSION")).to_owned(),
-            colour_space: "lin_rec709".to_owned(),
-            width: layout.width,
-            height: layout.height,
-            domain: Domain::Directions {
-                axis: contents.domain.axis(),
-                coverage: contents.domain.coverage(),
-                directions: contents.domain.lamps().iter().map(|d| [d.x, d.y, d.z]).collect(),
-                irradiance: contents.irradiance.clone(),
-            },
-            representation: Representation::Dense {
-                array: "transport/dense.npy".to_owned(),
-                basis: "lamps".to_owned(),
-                precision: contents.precision,
-                scale,
-            },
-            layers,
-            provenance: contents.provenance.clone(),
-            blake3: std::mem::take(&mut out.blake3),
-        };
-        let text =
-            serde_json::to_vec_pretty(&manifest).map_err(|e| Error::invalid("manifest", e.to_string(), "JSON"))?;
-        out.entry("manifest.json", &text)?;
-        out.zip.finish().map_err(|error| failed(path, error))?;
+        let failed = Cell::new(false);
+        let mut out = Entries { zip: ZipWriter::new(Sink::new(file, &failed)), path, blake3: BTreeMap::new() };
+        fill(&mut out, contents, layout, bands).inspect_err(|_| failed.set(true))?;
+        out.zip.finish().map_err(|error| io_error(path, error))?;
         Ok(())
     })
+}
+
+/// Every entry, the manifest with their hashes last.
+fn fill(out: &mut Entries<'_>, contents: &Contents, layout: Layout, bands: &mut dyn Bands) -> Result<()> {
+    let scale = scale_for(contents);
+    let preview = out.dense("transport/dense.npy", contents, layout, scale, bands)?;
+    let mut layers = BTreeMap::new();
+    if let Some(ambient) = &contents.ambient {
+        out.floats("layers/ambient.npy", &[layout.height, layout.width, CHANNELS], ambient.data())?;
+        layers.insert("ambient".to_owned(), "layers/ambient.npy".to_owned());
+    }
+    if let Some(alpha) = &contents.alpha {
+        out.floats("layers/alpha.npy", &[layout.height, layout.width], alpha)?;
+        layers.insert("alpha".to_owned(), "layers/alpha.npy".to_owned());
+    }
+    out.entry("preview.png", &encode_png8(&exposed(preview))?)?;
+    let manifest = Manifest {
+        format: FORMAT.to_owned(),
+        version: VERSION,
+        tool: concat!("relume ", env!("CARGO_PKG_VERSION")).to_owned(),
+        colour_space: "lin_rec709".to_owned(),
+        width: layout.width,
+        height: layout.height,
+        domain: Domain::Directions {
+            axis: contents.domain.axis(),
+            coverage: contents.domain.coverage(),
+            directions: contents.domain.lamps().iter().map(|d| [d.x, d.y, d.z]).collect(),
+            irradiance: contents.irradiance.clone(),
+        },
+        representation: Representation::Dense {
+            array: "transport/dense.npy".to_owned(),
+            basis: "lamps".to_owned(),
+            precision: contents.precision,
+            scale,
+        },
+        layers,
+        provenance: contents.provenance.clone(),
+        blake3: std::mem::take(&mut out.blake3),
+    };
+    let text = serde_json::to_vec_pretty(&manifest).map_err(|e| Error::invalid("manifest", e.to_string(), "JSON"))?;
+    out.entry("manifest.json", &text)
 }
 
 /// The power of two that brings the largest number just below [`HALF_CEILING`]; 1 for floats.
@@ -135,7 +142,7 @@ fn exposed(mut picture: Image) -> Image {
     picture
 }
 
-fn failed(path: &Path, error: zip::result::ZipError) -> Error {
+fn io_error(path: &Path, error: zip::result::ZipError) -> Error {
     match error {
         zip::result::ZipError::Io(source) => Error::io("write", path, source),
         other => Error::io("write", path, std::io::Error::other(other)),
@@ -144,7 +151,7 @@ fn failed(path: &Path, error: zip::result::ZipError) -> Error {
 
 /// The entries written so far.
 struct Entries<'a> {
-    zip: ZipWriter<&'a mut BufWriter<File>>,
+    zip: ZipWriter<Sink<'a, &'a mut BufWriter<File>>>,
     path: &'a Path,
     blake3: BTreeMap<String, String>,
 }
@@ -155,7 +162,7 @@ impl Entries<'_> {
             .compression_method(CompressionMethod::Stored)
             .large_file(true)
             .with_alignment(npy::ALIGNMENT as u16);
-        self.zip.start_file(name, options).map_err(|error| failed(self.path, error))
+        self.zip.start_file(name, options).map_err(|error| io_error(self.path, error))
     }
 
     fn append(&mut self, bytes: &[u8], hasher: &mut blake3::Hasher) -> Result<()> {
