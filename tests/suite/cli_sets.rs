@@ -196,7 +196,6 @@ fn a_real_painting_is_relit() {
     let photograph = |number: usize| {
         read(&data.join(format!("painting-72/image{number:02}.jpg")), Encoding::Auto).unwrap().into_rgb()
     };
-    // Half precision of the numbers' own size, and halves of denormal size: 2^-25 of the scale's ceiling.
     for number in [1, 36, 72] {
         let lit = relight(&field, &path("lit.tif"), &["--lamp", &number.to_string()]);
         assert!(difference(&lit, &photograph(number)) <= 0.5 / 1024.0, "lamp {number}");
