@@ -12,14 +12,14 @@ use serde_json::Value;
 const SIZE: (usize, usize) = (21, 11);
 
 /// A folder with photographs and a `.lp` file.
-struct Set {
+pub(crate) struct Set {
     folder: tempfile::TempDir,
-    photographs: Vec<Image>,
+    pub(crate) photographs: Vec<Image>,
 }
 
 impl Set {
-    /// Float TIFFs, or PNGs where many are made.
-    fn new(directions: &[[f64; 3]], size: (usize, usize), extension: &str) -> Self {
+    /// Photographs called `photo N.extension`, counted from 0, and `dirs.lp`.
+    pub(crate) fn new(directions: &[[f64; 3]], size: (usize, usize), extension: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut lp = format!("{}\n", directions.len());
         let mut photographs = Vec::new();
@@ -40,19 +40,19 @@ impl Set {
         Self::new(&[[0.0, 0.0, 1.0], [s, 0.0, s], [-s, 0.0, s], [0.0, s, s], [0.0, -s, s]], SIZE, "tif")
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// A folder for outputs alone, so that leftovers show.
-    fn out(&self) -> PathBuf {
+    pub(crate) fn out(&self) -> PathBuf {
         let out = self.path("out");
         fs::create_dir_all(&out).unwrap();
         out
     }
 
     /// Imports to `out/a.rfield`.
-    fn import(&self, options: &[&str]) -> PathBuf {
+    pub(crate) fn import(&self, options: &[&str]) -> PathBuf {
         let (lp, field) = (self.path("dirs.lp"), self.out().join("a.rfield"));
         succeed(Command::new(relume()).args(["import", "lp"]).arg(lp).arg("-o").arg(&field).args(options));
         field
@@ -60,21 +60,21 @@ impl Set {
 }
 
 /// Different in every pixel, channel and lamp; 0.1 to 2.
-fn photograph(lamp: usize, (w, h): (usize, usize)) -> Image {
+pub(crate) fn photograph(lamp: usize, (w, h): (usize, usize)) -> Image {
     let wave = |phase: f32| 1.05 + 0.95 * phase.sin();
     Image::from_fn(w, h, |x, y| [0.7, 1.3, 2.1].map(|k| wave(k * (x + 3 * y) as f32 + lamp as f32)))
 }
 
-fn run(command: &mut Command) -> Output {
+pub(crate) fn run(command: &mut Command) -> Output {
     command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"))
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// Runs and returns what was printed.
-fn succeed(command: &mut Command) -> String {
+pub(crate) fn succeed(command: &mut Command) -> String {
     let output = run(command);
     assert_eq!(output.status.code(), Some(0), "{command:?}: {}", text(&output.stderr));
     text(&output.stdout)
@@ -93,18 +93,18 @@ fn refuse(command: &mut Command, words: &[&str]) -> String {
     said
 }
 
-fn tool(arguments: &[&str]) -> Command {
+pub(crate) fn tool(arguments: &[&str]) -> Command {
     let mut command = Command::new(relume());
     command.args(arguments);
     command
 }
 
-fn relight(field: &Path, output: &Path, options: &[&str]) -> Image {
+pub(crate) fn relight(field: &Path, output: &Path, options: &[&str]) -> Image {
     succeed(tool(&["relight"]).arg(field).arg("-o").arg(output).args(options));
     read(output, Encoding::Auto).unwrap()
 }
 
-fn info(field: &Path) -> Value {
+pub(crate) fn info(field: &Path) -> Value {
     serde_json::from_str(&succeed(tool(&["info", "--json"]).arg(field))).unwrap()
 }
 
@@ -116,13 +116,13 @@ fn files_in(folder: &Path) -> Vec<String> {
 }
 
 /// The largest |a - b| / largest |b|.
-fn difference(a: &Image, b: &Image) -> f32 {
+pub(crate) fn difference(a: &Image, b: &Image) -> f32 {
     assert_eq!((a.size(), a.channels()), (b.size(), b.channels()));
     let largest = b.data().iter().fold(0.0f32, |m, v| m.max(v.abs()));
     a.data().iter().zip(b.data()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) / largest
 }
 
-/// Checks every lamp's picture against its photograph, which `expected` may change.
+/// Checks every lamp's picture against its photograph, to `tolerance` of the largest number.
 fn lamps_return(set: &Set, field: &Path, options: &[&str], tolerance: f32) {
     for (n, photograph) in set.photographs.iter().enumerate() {
         let number = (n + 1).to_string();
@@ -316,7 +316,7 @@ fn write_exr_with_nan(path: &Path) {
     fs::File::create(path).unwrap().write_all(&file).unwrap();
 }
 
-/// A file that may not grow past one block of 512 bytes is a full disk that needs no rights.
+/// A file that may not grow past one block (512 or 1024 bytes, as shells differ) is a full disk that needs no rights.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_nothing() {

@@ -1,8 +1,8 @@
 //! The one integration test binary.
 
 mod cli;
+mod cli_sets;
 mod host_self;
 mod photographs;
 mod plugin;
 mod relight_effect;
-mod sets;

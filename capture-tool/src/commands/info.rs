@@ -54,7 +54,8 @@ pub(super) struct Info<'a> {
     /// Smallest and largest E_j.
     irradiance: [f32; 2],
     precision: Precision,
-    scale: f32,
+    /// All digits: exact in double precision.
+    scale: f64,
     layers: &'a BTreeMap<String, String>,
     provenance: &'a serde_json::Value,
 }
@@ -90,7 +91,7 @@ impl<'a> Info<'a> {
             median_spacing_deg: domain.median_spacing().to_degrees(),
             irradiance: manifest.irradiance().iter().fold([f32::INFINITY, 0.0], extremes),
             precision: asset.dense().precision(),
-            scale: asset.dense().scale(),
+            scale: f64::from(asset.dense().scale()),
             layers: &manifest.layers,
             provenance: &manifest.provenance,
         }

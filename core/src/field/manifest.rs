@@ -102,9 +102,16 @@ pub enum Representation {
         basis: String,
         /// How numbers are stored.
         precision: Precision,
-        /// A power of two: T = stored x scale.
+        /// A power of two: T = stored x scale. Written with all its digits, so that readers in double precision get it
+        /// exactly.
+        #[serde(serialize_with = "exactly")]
         scale: f32,
     },
+}
+
+/// The shortest decimals that give an f32 back are not the same number in double precision; those of the f64 are.
+fn exactly<S: serde::Serializer>(number: &f32, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_f64(f64::from(*number))
 }
 
 impl Manifest {

@@ -375,8 +375,8 @@ mod tests {
             let mut floats = Vec::new();
             expand(isa, Block::Half(&halves[..halves.len() - 5]), &mut floats);
             assert_eq!(floats.len(), halves.len() - 5);
-            assert!(
-            halves.iter().zip(&floats).all(|(h, f)| h.to_f32().to_bits() == f.to_bits() || h.is_nan() && f.is_nan())
-        );
+            let same = |h: &f16, f: &f32| h.to_f32().to_bits() == f.to_bits() || h.is_nan() && f.is_nan();
+            assert!(halves.iter().zip(&floats).all(|(h, f)| same(h, f)), "{isa:?}");
+        }
     }
 }
