@@ -15,10 +15,14 @@
 //! | `effects` | Relume Relight |
 //! | `exports` | what the library exports |
 
+#![deny(unsafe_code)]
+
 mod area;
 mod effects;
 mod error;
+#[allow(unsafe_code, reason = "two exported symbols")]
 mod exports;
+#[allow(unsafe_code, reason = "the border to the host")]
 mod host;
 mod paths;
 mod pixels;

@@ -1,6 +1,6 @@
 //! Pictures: linear, scene-referred, f32, interleaved RGB or premultiplied RGBA, row 0 at the top.
 //!
-//! Files come in through [`read`] (the one door: NaN and infinities are refused there) and leave through [`write`].
+//! Files come in through [`read`] (the one door: NaN and infinities are refused there) and leave through [`write()`].
 //! Encoding is chosen per file type and can be forced; sizes and windows are in pixels.
 //!
 //! | file | what it does |

@@ -59,7 +59,7 @@ pub fn write(path: &Path, image: &Image, options: EncodeOptions) -> Result<()> {
     })
 }
 
-/// Checks that [`write`] can write to `path` as far as the path shows it: the extension, the folder. Ask before the work.
+/// Checks that [`write()`] can write to `path` as far as the path shows it: the extension, the folder. Ask before the work.
 ///
 /// # Errors
 /// [`Error::Invalid`] for an unknown extension; [`Error::Io`] when the folder is absent or `path` is one.
