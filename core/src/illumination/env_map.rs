@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 use crate::image::{Encoding, Image, read};
 use crate::math::{Vec3, latlong};
@@ -94,7 +96,7 @@ impl EnvMap {
         }
         let columns = overlaps(w, new_w, |u| u / w as f64);
         let rows = overlaps(h, new_h, |v| -latlong::band_solid_angle(v, h as f64, h));
-        let image = Image::from_fn(new_w, new_h, |i, j| {
+        let mean = |i: usize, j: usize| {
             let mut sum = [0.0f64; 3];
             for &(y, row_share) in &rows[j] {
                 for &(x, column_share) in &columns[i] {
@@ -103,7 +105,10 @@ impl EnvMap {
                 }
             }
             sum.map(|v| v as f32)
-        });
+        };
+        let rows: Vec<Vec<[f32; 3]>> =
+            (0..new_h).into_par_iter().map(|j| (0..new_w).map(|i| mean(i, j)).collect()).collect();
+        let image = Image::from_fn(new_w, new_h, |i, j| rows[j][i]);
         Cow::Owned(Self { image })
     }
 

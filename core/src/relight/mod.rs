@@ -14,7 +14,7 @@ pub mod kernels;
 mod relighter;
 
 pub use apply::apply;
-pub use relighter::{Light, Look, Relighter};
+pub use relighter::{Light, Look, Relighter, WIDEST_MAP};
 
 /// Weights of every element, RGB, for one picture: solid angle, exposure and colour of the light included.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,8 +10,9 @@ use crate::image::{Image, Window};
 use crate::reconstruct::{Method, Operator, Outside};
 
 /// Maps wider than this are averaged down before projection: 0.18 degrees a texel is far below any rig's cell, and the
-/// operator of a larger map would take hundreds of megabytes.
-const WIDEST_MAP: usize = 2048;
+/// operator of a larger map would take hundreds of megabytes. Whoever keeps a map for many pictures may [reduce](EnvMap::reduced) it
+/// to this once.
+pub const WIDEST_MAP: usize = 2048;
 /// Projections kept. A user switches between two methods and two maps.
 const KEPT_OPERATORS: usize = 4;
 

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use relume_core::field::{Access, Asset};
 use relume_core::illumination::EnvMap;
-use relume_core::relight::{Light, Look, Relighter, Weights};
+use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
 
 use super::Instance;
 use crate::error::{Error, Result};
@@ -120,7 +120,8 @@ impl Library {
             ));
         }
         let path = paths::expand(typed)?;
-        let open = || Pool::shared()?.run(|| Ok(EnvMap::load(&path)?));
+        // Reduced once, not for every picture.
+        let open = || Pool::shared()?.run(|| Ok(EnvMap::load(&path)?.reduced(WIDEST_MAP).into_owned()));
         let map = self.maps.get(&Stamp::of(&path)?, open)?;
         let before = instance.held().map.replace(Arc::clone(&map));
         drop(before);
