@@ -3,8 +3,9 @@
 //! `cargo bench -p relume-core` makes fields in a temporary folder (`RELUME_BENCH_DIR` or the system's; the largest takes
 //! 3.2 GB), maps them, and prints for each size:
 //!
-//! - `read limit`: all threads only read the same mapped bytes, with prefetching, the best of several ways;
-//! - `relight`: one illumination, as GB/s of field read, and its ratio to that limit;
+//! - `read limit`: all threads only read the same mapped bytes, in the fastest of several ways (prefetch distances);
+//! - `relight`: one illumination, as GB/s of field read, and its ratio to that limit. The two take turns and both are medians,
+//!   so that a machine whose speed drifts disturbs both alike;
 //! - `matrix-vector`: the same product in f32, matrix in memory, by nalgebra on all threads, for the same field;
 //! - `N at once`: several illuminations in one pass, as time per picture against one alone.
 //!
@@ -24,8 +25,10 @@ use relume_core::image::Window;
 use relume_core::math::Vec3;
 use relume_core::relight::{Weights, apply};
 
-/// Runs of each; the best counts for limits, the median for us.
-const RUNS: usize = 7;
+/// Runs of each; medians count.
+const RUNS: usize = 11;
+/// Prefetch distances tried for the read limit, bytes.
+const AHEAD: [usize; 4] = [0, 1024, 4096, 8192];
 
 struct Case {
     name: &'static str,
@@ -44,7 +47,7 @@ const CASES: [Case; 4] = [
 
 fn main() -> Result<()> {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
-    println!("{} threads; median of {RUNS} runs (limits: best)", rayon::current_num_threads());
+    println!("{} threads; medians of {RUNS} runs", rayon::current_num_threads());
     for case in CASES.iter().filter(|case| wanted.is_empty() || wanted.iter().any(|part| case.name.contains(part))) {
         run(case)?;
     }
@@ -65,12 +68,21 @@ fn measure(case: &Case, path: &Path) -> Result<()> {
     let bytes = (dense.layout().len().unwrap_or(0) * dense.precision().bytes() as u64) as f64;
     println!("\n{}: {} lamps, {} x {}, {:.2} GB", case.name, case.elements, case.width, case.height, bytes / 1e9);
 
-    let limit = [0, 1024, 4096].map(|ahead| read(dense, ahead)).into_iter().fold(f64::MAX, f64::min);
-    println!("  read limit      {:8.2} ms  {:6.2} GB/s", limit * 1e3, bytes / limit / 1e9);
-
     let window = Window::full(case.width, case.height);
     let lights: Vec<Weights> = (0..16).map(|n| weights(case.elements, n)).collect();
-    let one = median(|| apply(dense, &[&lights[0]], window).map(drop))?;
+    let relight = || apply(dense, &[&lights[0]], window).map(drop);
+    let fastest = AHEAD.map(|ahead| (seconds(|| read(dense, ahead)).min(seconds(|| read(dense, ahead))), ahead));
+    let ahead = fastest.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |best| best.1);
+    relight()?;
+    let (mut limits, mut times) = (Vec::new(), Vec::new());
+    for _ in 0..RUNS {
+        limits.push(seconds(|| read(dense, ahead)));
+        let start = Instant::now();
+        relight()?;
+        times.push(start.elapsed().as_secs_f64());
+    }
+    let (limit, one) = (middle(limits), middle(times));
+    println!("  read limit      {:8.2} ms  {:6.2} GB/s", limit * 1e3, bytes / limit / 1e9);
     println!(
         "  relight         {:8.2} ms  {:6.2} GB/s  {:.3} of the read limit",
         one * 1e3,
@@ -104,38 +116,39 @@ fn median(mut body: impl FnMut() -> Result<()>) -> Result<f64> {
         body()?;
         times.push(start.elapsed().as_secs_f64());
     }
-    times.sort_by(f64::total_cmp);
-    Ok(times[RUNS / 2])
+    Ok(middle(times))
 }
 
-/// Best time in which all threads read every byte of the field, asking for lines `ahead` bytes before their use.
-fn read(dense: &Dense, ahead: usize) -> f64 {
+fn middle(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+fn seconds(mut body: impl FnMut() -> u64) -> f64 {
+    let start = Instant::now();
+    std::hint::black_box(body());
+    start.elapsed().as_secs_f64()
+}
+
+/// All threads read every byte of the field, asking for lines `ahead` bytes before their use.
+fn read(dense: &Dense, ahead: usize) -> u64 {
     let layout = dense.layout();
-    let pass = || -> u64 {
-        let row = |by: usize| -> u64 {
-            let mut buffer = BlockBuffer::default();
-            let mut sum = 0u64;
-            for bx in 0..layout.columns() {
-                for c in 0..3 {
-                    let words: &[u64] = match dense.block(bx, by, c, &mut buffer) {
-                        Ok(Block::Half(t)) => bytemuck::cast_slice(t),
-                        Ok(Block::Float(t)) => bytemuck::cast_slice(t),
-                        Err(_) => &[],
-                    };
-                    sum = sum.wrapping_add(sum_words(words, ahead));
-                }
+    let row = |by: usize| -> u64 {
+        let mut buffer = BlockBuffer::default();
+        let mut sum = 0u64;
+        for bx in 0..layout.columns() {
+            for c in 0..3 {
+                let words: &[u64] = match dense.block(bx, by, c, &mut buffer) {
+                    Ok(Block::Half(t)) => bytemuck::cast_slice(t),
+                    Ok(Block::Float(t)) => bytemuck::cast_slice(t),
+                    Err(_) => &[],
+                };
+                sum = sum.wrapping_add(sum_words(words, ahead));
             }
-            sum
-        };
-        (0..layout.rows()).into_par_iter().map(row).reduce(|| 0, u64::wrapping_add)
+        }
+        sum
     };
-    std::hint::black_box(pass());
-    let time = || {
-        let start = Instant::now();
-        std::hint::black_box(pass());
-        start.elapsed().as_secs_f64()
-    };
-    (0..RUNS).map(|_| time()).fold(f64::MAX, f64::min)
+    (0..layout.rows()).into_par_iter().map(row).reduce(|| 0, u64::wrapping_add)
 }
 
 /// Wrapping sum with 32 independent sums, which vectorises; a cache line is 8 words.
