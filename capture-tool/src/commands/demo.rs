@@ -30,8 +30,7 @@ Examples:
 Under the window and the strip, mirror and glass differ much more than the rest: they show the lamps' cells, about 3 degrees
 wide, in place of the light itself. That is what a stage cannot sample (Peers 2006, 4.2).";
 
-/// Lamps of the dome: cells of 2.8 degrees. With 1280 (4 degrees) shadows and highlights under the narrow lights differ by about
-/// a fifth more.
+/// Lamps of the dome: cells of 2.8 degrees, small against the lights and the penumbrae they cast.
 const LAMPS: usize = 2560;
 /// Columns and rows of the lights' maps: 0.7 degrees a texel, edges averaged over the texel.
 const MAP_SIZE: (usize, usize) = (512, 256);

@@ -27,7 +27,8 @@ fn ball(right: f32, near: f32, radius: f32, material: Material) -> Object {
 
 impl Scene {
     /// A still life on a round table: a mirror ball, a glass ball on a stand, a gold ball of rough metal, glossy and diffuse
-    /// balls and boxes. About 2.8 units wide, around the origin.
+    /// balls and boxes. The table is 3.2 units wide, about the origin, and all of it is in
+    /// [`Camera::demo`](super::Camera::demo)'s view.
     pub fn demo() -> Self {
         let up = on_table(0.0, 1.0, 0.0) - on_table(0.0, 0.0, 0.0);
         let block = |right, near, half: V3, turn: f32, material| Object {
@@ -35,7 +36,7 @@ impl Scene {
             material,
         };
         let table = Object {
-            shape: Shape::Disc { centre: on_table(0.0, 0.0, 0.0), normal: up, radius: 1.9 },
+            shape: Shape::Disc { centre: on_table(0.0, 0.0, 0.0), normal: up, radius: 1.6 },
             material: Material::Diffuse { albedo: [0.48, 0.46, 0.43] },
         };
         let stand =
