@@ -177,11 +177,12 @@ fn the_truth_agrees_with_a_naive_path_tracer() {
     let lamps = Directions::new(demo_lamps(64)).unwrap();
     let light = |d: &V3| if d.y >= 0.0 { (1.0 + d.x + 0.5 * d.z).max(0.0) } else { 0.0 };
     let map = EnvMap::from_fn(512, 256, |d| [light(&d.cast()); 3]);
-    let quality = Quality { depth: 12, ..quick() };
+    // Most of the difference is chance at the rims of objects, so both get more rays than elsewhere.
+    let quality = Quality { samples: 256, depth: 12, ..quick() };
     let truth = &truth(&scene, &camera, std::slice::from_ref(&map), &lamps, &quality, &mut |_, _| Ok(())).unwrap()[0];
     let mut rng = Pcg32::seed_from_u64(8);
     let picture = Image::from_fn(16, 12, |x, y| {
-        let n = 1000;
+        let n = 4000;
         let mut sum = [0.0; 3];
         for _ in 0..n {
             let ray = camera.ray(x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
@@ -195,7 +196,7 @@ fn the_truth_agrees_with_a_naive_path_tracer() {
     let all: Vec<usize> = (0..16 * 12).collect();
     let error = relative(truth, &picture, &all);
     let (a, b): (f32, f32) = (truth.data().iter().sum(), picture.data().iter().sum());
-    assert!(error < 0.08, "difference {error}");
+    assert!(error < 0.04, "difference {error}");
     assert!((a / b - 1.0).abs() < 0.01, "ratio of means {}", a / b);
 }
 
