@@ -55,16 +55,16 @@ mod tests {
             "HOME" => Some("/home/ana".to_owned()),
             _ => None,
         };
-        expand_with(typed, variable, Some(Path::new("/work/project")))
+        expand_with(typed, variable, Some(Path::new("/shows/project")))
     }
 
     #[test]
     fn variables_quotes_home_and_relative_paths() {
         for (typed, path) in [
             ("/a/b.rfield", "/a/b.rfield"),
-            ("b.rfield", "/work/project/b.rfield"),
+            ("b.rfield", "/shows/project/b.rfield"),
             ("${SHOW}/${SHOT}/b.rfield", "/shows/dune/sh010/b.rfield"),
-            ("x${SHOT}y.hdr", "/work/project/xsh010y.hdr"),
+            ("x${SHOT}y.hdr", "/shows/project/xsh010y.hdr"),
             ("  \"/with blanks/b c.rfield\" ", "/with blanks/b c.rfield"),
             ("~/b.rfield", "/home/ana/b.rfield"),
             ("/a/~/$SHOW {x}", "/a/~/$SHOW {x}"),
