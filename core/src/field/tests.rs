@@ -156,6 +156,23 @@ fn a_source_that_fails_leaves_nothing() {
 }
 
 #[test]
+fn layers_of_another_size_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.rfield");
+    let good = contents(Precision::Half, 37, 21);
+    let layout = Layout { width: 37, height: 21, elements: 3 };
+    for bad in [
+        Contents { ambient: Some(Image::new(21, 37, 3)), ..good.clone() },
+        Contents { ambient: Some(Image::new(37, 21, 4)), ..good.clone() },
+        Contents { alpha: Some(vec![1.0; 5]), ..good.clone() },
+        Contents { width: 0, ambient: None, alpha: None, ..good.clone() },
+    ] {
+        assert!(write(&path, &bad, &mut Formula(layout)).is_err());
+        assert!(!path.exists());
+    }
+}
+
+#[test]
 fn a_changed_byte_is_found_by_verify() {
     let folder = tempfile::tempdir().unwrap();
     let path = written(folder.path(), Precision::Half);

@@ -61,12 +61,20 @@ pub trait Bands {
 /// Writes a container, whole or not at all. Memory: about 100 MB and one row of the picture, however large the field.
 ///
 /// # Errors
-/// Folder absent or full; NaN, or numbers beyond [`Contents::largest`]; what the source returns.
+/// Folder absent or full; layers of another size; NaN, or numbers beyond [`Contents::largest`]; what the source returns.
 pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<()> {
     let layout = Layout { width: contents.width, height: contents.height, elements: contents.domain.len() };
     if contents.irradiance.len() != layout.elements {
         let found = format!("{} irradiances", contents.irradiance.len());
         return Err(Error::invalid("field", found, format!("{}, one a lamp", layout.elements)));
+    }
+    let pixels = layout.width * layout.height;
+    let ambient_fits =
+        contents.ambient.as_ref().is_none_or(|s| s.size() == (layout.width, layout.height) && s.channels() == 3);
+    let alpha_fits = contents.alpha.as_ref().is_none_or(|alpha| alpha.len() == pixels);
+    if pixels == 0 || !ambient_fits || !alpha_fits {
+        let expected = format!("{} x {} pixels, as the field, and at least one", layout.width, layout.height);
+        return Err(Error::invalid("field", "layers of another size, or no pixels", expected));
     }
     write_whole(path, |file| {
         let mut out = Entries { zip: ManuallyDrop::new(ZipWriter::new(file)), path, blake3: BTreeMap::new() };

@@ -119,7 +119,7 @@ fn a_white_furnace_shows_one_everywhere() {
 fn the_stage_agrees_with_the_truth_under_light_constant_over_cells() {
     let scene = Scene::demo();
     let lamps = Directions::new(demo_lamps(64)).unwrap();
-    let quality = Quality { samples: 16, ..quick() };
+    let quality = Quality { samples: 256, ..quick() };
     let mut rng = Pcg32::seed_from_u64(1);
     let radiance: Vec<Rgb> = (0..64).map(|_| std::array::from_fn(|_| rng.random())).collect();
     let (picture, map) = relit(&photographs(&scene, SMALL, &lamps, quality), &lamps, &radiance);
@@ -127,10 +127,10 @@ fn the_stage_agrees_with_the_truth_under_light_constant_over_cells() {
     let classes = classes(&scene, &SMALL);
     let all = |class: Class| classes.pixels(&[class]);
     for (class, noise, bias) in [
-        (Class::Diffuse, 0.1, 0.01),
-        (Class::Glossy, 0.12, 0.02),
-        (Class::Mirror, 0.25, 0.03),
-        (Class::Glass, 0.25, 0.03),
+        (Class::Diffuse, 0.03, 0.01),
+        (Class::Glossy, 0.04, 0.02),
+        (Class::Mirror, 0.04, 0.03),
+        (Class::Glass, 0.03, 0.03),
     ] {
         let pixels = all(class);
         let sum = |image: &Image| pixels.iter().map(|p| f64::from(image.data()[3 * p + 1])).sum::<f64>();
