@@ -13,11 +13,14 @@
 //! | [`files`] | outputs that appear whole or not at all |
 //! | [`image`] | pictures in linear f32, windows, reading and writing |
 //! | [`math`] | directions, lat-long maps |
+//! | [`hdr`] | camera response, brackets merged to radiance |
+//! | [`wavelet`] | wavelets and their scaling functions |
 //! | [`illumination`] | what a user calls "the light" |
 //! | [`domain`] | what a rig could emit |
 //! | [`reconstruct`] | reconstructions as downsampling operators (4.3, 4.4) |
 //! | [`field`] | the reflectance field and its container |
 //! | [`relight`] | weights x field -> picture |
+//! | [`calibrate`] | lamp directions and intensities, white balance |
 //! | [`acquire`] | from photographs to a field |
 //! | [`simulate`] | a virtual stage |
 //! | [`evaluate`] | errors and figures |
@@ -30,6 +33,10 @@ pub mod files;
 pub mod image;
 pub mod math;
 
+pub mod hdr;
+
+pub mod wavelet;
+
 pub mod illumination;
 
 pub mod domain;
@@ -39,6 +46,8 @@ pub mod reconstruct;
 pub mod field;
 
 pub mod relight;
+
+pub mod calibrate;
 
 pub mod acquire;
 

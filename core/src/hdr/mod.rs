@@ -1,0 +1,1 @@
+//! High dynamic range photographs: camera response, and brackets merged to radiance (2.2.1).
