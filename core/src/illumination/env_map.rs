@@ -90,7 +90,12 @@ impl EnvMap {
     /// covers, weighted by solid angle; energy is kept to rounding. A map that is small enough is borrowed.
     pub fn reduced(&self, widest: usize) -> Cow<'_, Self> {
         let (w, h) = self.image.size();
-        let (new_w, new_h) = (w.min(widest), h.min((widest / 2).max(1)));
+        self.averaged((w.min(widest), h.min((widest / 2).max(1))))
+    }
+
+    /// The map averaged down to a size, as [`EnvMap::reduced`] does; the map itself where it has that size.
+    pub fn averaged(&self, (new_w, new_h): (usize, usize)) -> Cow<'_, Self> {
+        let (w, h) = self.image.size();
         if (new_w, new_h) == (w, h) {
             return Cow::Borrowed(self);
         }
@@ -111,7 +116,7 @@ impl EnvMap {
         Cow::Owned(Self { image })
     }
 
-    /// The adjoint of [`EnvMap::reduced`] for one channel: numbers of a reduced map of size `from`, each spread over the
+    /// The adjoint of [`EnvMap::averaged`] for one channel: numbers of an averaged map of size `from`, each spread over the
     /// texels of a map of size `to` that were averaged into it.
     pub fn spread(numbers: &[f64], from: (usize, usize), to: (usize, usize)) -> Vec<f64> {
         if from == to {

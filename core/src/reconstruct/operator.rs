@@ -24,7 +24,7 @@ impl Operator {
     /// 512. With [`Outside::Drop`] the total is scaled (by some 1e-4 at most) to the exact solid angle of the coverage.
     pub fn new(reconstruction: Arc<Reconstruction>, outside: Outside, width: usize, height: usize) -> Self {
         let columns = reconstruction.basis().finest_columns();
-        let inner = (width.min(columns), height.min((columns / 2).max(1)));
+        let inner = if width > columns { (columns, height.min((columns / 2).max(1))) } else { (width, height) };
         let basis = reconstruction.basis();
         let texels = Texels { domain: reconstruction.domain(), basis, outside, width: inner.0, height: inner.1 };
         let functions = basis.len() + reconstruction.domain().sites().len();
@@ -48,7 +48,7 @@ impl Operator {
     /// When the map is not of [`Operator::size`].
     pub fn downsample(&self, map: &EnvMap) -> Vec<[f32; 3]> {
         assert_eq!(map.image().size(), self.size, "the operator was made for another map size");
-        let map = map.reduced(self.inner.0);
+        let map = map.averaged(self.inner);
         let moments = self.moments.times(map.image().data());
         let (functions, sites) = moments.split_at(self.reconstruction.basis().len());
         self.reconstruction.weights(functions, Some(sites))
