@@ -4,6 +4,7 @@
 //! chooses the exit code: 0, 1 bad input, 2 usage, 130 stopped with Ctrl-C.
 
 mod commands;
+mod new_folder;
 mod progress;
 mod session;
 mod sheet;

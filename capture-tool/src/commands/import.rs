@@ -13,7 +13,7 @@ use relume_core::image::Encoding;
 use super::info::Info;
 use super::{note, values};
 use crate::progress::{Progress, Unit};
-use crate::session;
+use crate::{new_folder, session};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -105,7 +105,7 @@ impl LpArguments {
             files::check_folder(output)?;
         }
         if let Some(folder) = &self.target.session {
-            session::check_target(folder)?;
+            new_folder::check(folder)?;
         }
         let import = ImportLp {
             lp: self.lp,

@@ -2,6 +2,7 @@
 
 mod compare;
 mod demo;
+mod evaluate;
 mod import;
 mod info;
 mod relight;
@@ -26,6 +27,9 @@ pub enum Command {
     Verify(verify::Arguments),
     /// Measure how far a picture is from a reference.
     Compare(compare::Arguments),
+    /// Measure methods against each other; the result is a page of pictures and numbers.
+    #[command(subcommand)]
+    Evaluate(evaluate::Subject),
 }
 
 impl Command {
@@ -41,6 +45,7 @@ impl Command {
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),
+            Command::Evaluate(subject) => subject.run(),
         }
     }
 }
