@@ -1,5 +1,10 @@
 //! The one table of user settings, shared by the command line and the plugin. Ids are permanent: compositing projects
 //! store them. A new setting gets a neutral default.
+//!
+//! Beside it the files in which people write settings down: [`lighting`] (lamps, and the presets that ship).
+
+pub mod lighting;
+mod table;
 
 use crate::illumination::MapCentre;
 use crate::reconstruct::{Method, Outside};
