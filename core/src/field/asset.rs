@@ -22,7 +22,7 @@ const HASH_CHUNK: u64 = 16 << 20;
 #[derive(Debug)]
 pub struct Asset {
     manifest: Manifest,
-    domain: Directions,
+    domain: Arc<Directions>,
     dense: Dense,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
@@ -58,7 +58,7 @@ impl Asset {
             let place = format!("{place}, layers/alpha.npy, pixel ({}, {})", at % w, at / w);
             return Err(Error::invalid(place, "a number outside 0 to 1", "a coverage"));
         }
-        Ok(Self { manifest, domain, dense, ambient, alpha, entries, store })
+        Ok(Self { manifest, domain: Arc::new(domain), dense, ambient, alpha, entries, store })
     }
 
     /// Where it lies.
@@ -87,7 +87,7 @@ impl Asset {
     }
 
     /// The lamps.
-    pub fn domain(&self) -> &Directions {
+    pub fn domain(&self) -> &Arc<Directions> {
         &self.domain
     }
 
