@@ -3,6 +3,7 @@
 mod cli;
 mod cli_sets;
 mod host_self;
+mod lights;
 mod photographs;
 mod plugin;
 mod relight_effect;

@@ -1,9 +1,11 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
+mod animate;
 mod compare;
 mod demo;
 mod import;
 mod info;
+mod lightings;
 mod relight;
 mod values;
 mod verify;
@@ -20,6 +22,10 @@ pub enum Command {
     Import(import::Source),
     /// Light a captured object anew.
     Relight(relight::Arguments),
+    /// Light a captured object with lights that turn, fade and change: a picture a frame.
+    Animate(animate::Arguments),
+    /// List the lightings that ship, or print one to start from.
+    Lightings(lightings::Arguments),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -38,6 +44,8 @@ impl Command {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Relight(arguments) => arguments.run(),
+            Command::Animate(arguments) => arguments.run(),
+            Command::Lightings(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),

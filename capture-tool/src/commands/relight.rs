@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use relume_core::field::{Access, Asset, BLOCK_HEIGHT, Layout};
-use relume_core::illumination::EnvMap;
+use relume_core::illumination::{Beam, EnvMap};
 use relume_core::image::{self, EncodeOptions, Image, Window};
 use relume_core::math::latlong;
 use relume_core::reconstruct::Outside;
@@ -19,6 +19,7 @@ const EXAMPLES: &str = "\
 Examples:
   relume relight vase.rfield --env park.hdr -o vase.exr
   relume relight vase.rfield --env park.exr --rotate -90 --exposure -1.5 --outside nearest -o vase.png
+  relume relight vase.rfield --lighting three-point --rotate 20 -o vase.exr
   relume relight vase.rfield --lamp 17 -o lamp17.exr";
 
 /// About how much of the field is streamed between two looks at Ctrl-C.
@@ -44,7 +45,7 @@ pub struct Arguments {
           allow_negative_numbers = true, value_parser = values::number(&settings::ROTATION),
           default_value_t = values::neutral(&settings::ROTATION))]
     rotate: f64,
-    #[arg(long, value_name = "SIDE", conflicts_with = "lamp", help = settings::MAP_CENTRE.hint,
+    #[arg(long, value_name = "SIDE", conflicts_with = "lamp", help = settings::MAP_CENTRE.hint, conflicts_with = "lighting",
           value_parser = values::choice(&settings::MAP_CENTRE),
           default_value = values::neutral_option(&settings::MAP_CENTRE))]
     map_centre: usize,
@@ -71,21 +72,35 @@ struct LightArguments {
     /// The light: a lat-long map (EXR, HDR, PNG, TIFF, JPEG) of radiance.
     #[arg(long, value_name = "MAP")]
     env: Option<PathBuf>,
+    /// The light: lamps, by a name of `relume lightings` or in a lighting file (.toml).
+    #[arg(long, value_name = "NAME|FILE")]
+    lighting: Option<String>,
     /// Lights one captured lamp, counted from 1, as it was photographed.
     #[arg(long, value_name = "N")]
     lamp: Option<usize>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum AccessChoice {
+pub enum AccessChoice {
     Mapped,
     Read,
+}
+
+impl From<AccessChoice> for Access {
+    fn from(choice: AccessChoice) -> Self {
+        match choice {
+            AccessChoice::Mapped => Access::Mapped,
+            AccessChoice::Read => Access::Read,
+        }
+    }
 }
 
 /// What is lit with.
 #[derive(Debug, Clone, PartialEq)]
 enum LightPlan {
     Map(PathBuf),
+    /// What messages call it, and its beams.
+    Lighting(String, Vec<Beam>),
     Lamp(usize),
 }
 
@@ -108,10 +123,14 @@ impl Arguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.output)?;
-        let light = match (self.light.env, self.light.lamp) {
-            (Some(map), None) => LightPlan::Map(map),
-            (None, Some(number)) => LightPlan::Lamp(number),
-            _ => anyhow::bail!("give one light: --env MAP or --lamp N"),
+        let light = match (self.light.env, self.light.lighting, self.light.lamp) {
+            (Some(map), None, None) => LightPlan::Map(map),
+            (None, Some(name), None) => {
+                let file = settings::lighting::find(&name, Path::new(""))?;
+                LightPlan::Lighting(name, file.lighting.beams())
+            }
+            (None, None, Some(number)) => LightPlan::Lamp(number),
+            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME or --lamp N"),
         };
         let look = Look {
             method: settings::method(self.reconstruct),
@@ -121,11 +140,7 @@ impl Arguments {
             exposure_ev: self.exposure,
             ambient: self.ambient,
         };
-        let access = match self.access {
-            AccessChoice::Mapped => Access::Mapped,
-            AccessChoice::Read => Access::Read,
-        };
-        Ok(Plan { asset: self.asset, access, output: self.output, light, look })
+        Ok(Plan { asset: self.asset, access: self.access.into(), output: self.output, light, look })
     }
 }
 
@@ -149,11 +164,19 @@ impl Plan {
     fn weights(&self, relighter: &Relighter) -> anyhow::Result<Weights> {
         match &self.light {
             LightPlan::Lamp(number) => Ok(relighter.weights(Light::Lamp(*number), &self.look)?),
+            LightPlan::Lighting(name, beams) => {
+                let weights = relighter.weights(Light::Beams(beams), &self.look)?;
+                if self.look.outside == Outside::Drop {
+                    let all = beams.iter().flat_map(|beam| beam.irradiance).sum();
+                    tell_what_is_dropped(name, all, &weights, &self.look);
+                }
+                Ok(weights)
+            }
             LightPlan::Map(path) => {
                 let map = EnvMap::load(path).context("cannot use the environment map")?;
                 let weights = relighter.weights(Light::Map(&map), &self.look)?;
                 if self.look.outside == Outside::Drop {
-                    tell_what_is_dropped(path, &map, &weights, &self.look);
+                    tell_what_is_dropped(&path.display().to_string(), all_light(&map), &weights, &self.look);
                 }
                 Ok(weights)
             }
@@ -161,24 +184,27 @@ impl Plan {
     }
 }
 
-/// Says so when most of a map's light never reaches a lamp: a dark picture has its reason.
-fn tell_what_is_dropped(path: &Path, map: &EnvMap, weights: &Weights, look: &Look) {
-    let share = dropped_share(map, weights, look);
+/// Says so when most of a light never reaches a lamp: a dark picture has its reason.
+fn tell_what_is_dropped(name: &str, all: f64, weights: &Weights, look: &Look) {
+    let share = dropped_share(all, weights, look);
     if share > 0.5 {
         note(&format!(
-            "{:.0} % of the light of {} comes from where no lamp was, and is dropped (--outside nearest keeps it)",
-            100.0 * share,
-            path.display()
+            "{:.0} % of the light of {name} comes from where no lamp was, and is dropped (--outside nearest keeps it)",
+            100.0 * share
         ));
     }
 }
 
-/// `1 - sum_j w_j / integral of L dw` over all channels, exposure taken out: kernels sum to one over the lamps, so what
-/// the weights lack was dropped. 0 for a black map.
-fn dropped_share(map: &EnvMap, weights: &Weights, look: &Look) -> f64 {
+/// `integral of L dw` of a map, over all channels.
+fn all_light(map: &EnvMap) -> f64 {
     let (w, h) = map.image().size();
     let row_sum = |y: usize| map.image().row(y).iter().map(|v| f64::from(*v)).sum::<f64>();
-    let all: f64 = (0..h).map(|y| row_sum(y) * latlong::texel_solid_angle(y, w, h)).sum();
+    (0..h).map(|y| row_sum(y) * latlong::texel_solid_angle(y, w, h)).sum()
+}
+
+/// `1 - sum_j w_j / integral of L dw` over all channels, exposure taken out: kernels sum to one over the lamps, so what
+/// the weights lack was dropped. 0 for no light.
+fn dropped_share(all: f64, weights: &Weights, look: &Look) -> f64 {
     let kept: f64 = weights.rgb.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / look.exposure_ev.exp2();
     if all > 0.0 { (1.0 - kept / all).clamp(0.0, 1.0) } else { 0.0 }
 }
@@ -200,7 +226,7 @@ fn render(relighter: &Relighter, weights: &Weights, look: &Look) -> relume_core:
 }
 
 /// Rows of pixels whose blocks come to about [`BAND_BYTES`]: whole rows of blocks, and enough of them for all threads.
-fn band_rows(layout: Layout, bytes_a_number: usize) -> usize {
+pub fn band_rows(layout: Layout, bytes_a_number: usize) -> usize {
     /// Ample for any machine: threads take whole rows of blocks.
     const FEWEST_BLOCK_ROWS: usize = 32;
     let block_row = layout.columns() * 3 * layout.block_len() * bytes_a_number;
@@ -289,9 +315,9 @@ mod tests {
         let half_pi = std::f32::consts::TAU * 2.0 / 4.0;
         let weights = Weights { rgb: vec![[half_pi; 3]; 4] };
         let look = Look { exposure_ev: 1.0, ..Look::default() };
-        assert!((dropped_share(&map, &weights, &look) - 0.75).abs() < 1e-6);
+        assert!((dropped_share(all_light(&map), &weights, &look) - 0.75).abs() < 1e-6);
         let black = EnvMap::from_fn(4, 2, |_| [0.0; 3]);
-        assert_eq!(dropped_share(&black, &Weights::dark(4), &look), 0.0);
+        assert_eq!(dropped_share(all_light(&black), &Weights::dark(4), &look), 0.0);
     }
 
     #[test]

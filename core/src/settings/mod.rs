@@ -1,8 +1,11 @@
 //! The one table of user settings, shared by the command line and the plugin. Ids are permanent: compositing projects
 //! store them. A new setting gets a neutral default.
 //!
-//! Beside it the files in which people write settings down: [`lighting`] (lamps, and the presets that ship).
+//! Beside it the files in which people write settings down: [`lighting`] (lamps, and the presets that ship) and [`animation`] (lights that
+//! change with the frame).
 
+pub mod animation;
+mod curve;
 pub mod lighting;
 mod table;
 
@@ -66,11 +69,25 @@ pub const ENVIRONMENT: Setting = Setting {
     hint: "The light: a lat-long map (EXR, HDR, PNG, TIFF, JPEG). A connected Illumination clip takes its place.",
     kind: Kind::File,
 };
+/// A lighting that ships.
+pub const LIGHTING: Setting = Setting {
+    id: "lighting",
+    label: "Lighting",
+    hint: "Lights with lamps that ship with Relume, in place of the environment.",
+    kind: Kind::Choice { default: 0, options: lighting::OPTIONS },
+};
+/// Path of a lighting file.
+pub const LIGHTING_FILE: Setting = Setting {
+    id: "lightingFile",
+    label: "Lighting file",
+    hint: "Lights with the lamps of a lighting file (.toml), in place of Lighting and the environment.",
+    kind: Kind::File,
+};
 /// One captured lamp.
 pub const LAMP: Setting = Setting {
     id: "lamp",
     label: "Lamp",
-    hint: "Lights one captured lamp, counted from 1, as it was photographed; 0 uses the environment.",
+    hint: "Lights one captured lamp, counted from 1, as it was photographed, in place of every other light but a connected Illumination clip; 0 is none.",
     kind: Kind::Integer { default: 0, hard: (0, 1_000_000) },
 };
 /// Heading of the light.
@@ -128,7 +145,7 @@ pub const OUTPUT: Setting = Setting {
 
 /// The settings of Relume Relight, in the order shown.
 pub const RELIGHT: &[Setting] =
-    &[ASSET, ENVIRONMENT, LAMP, ROTATION, MAP_CENTRE, EXPOSURE, AMBIENT, RECONSTRUCTION, OUTSIDE, OUTPUT];
+    &[ASSET, ENVIRONMENT, LIGHTING, LIGHTING_FILE, LAMP, ROTATION, MAP_CENTRE, EXPOSURE, AMBIENT, RECONSTRUCTION, OUTSIDE, OUTPUT];
 
 /// The method of an option of [`RECONSTRUCTION`].
 pub fn method(option: usize) -> Method {

@@ -104,6 +104,11 @@ impl<'a> Value<'a> {
         Error::invalid(self.place.at(self.start), format!("{} in `{}`", found.into(), self.key), expected)
     }
 
+    /// Its key.
+    pub fn key(&self) -> &'a str {
+        self.key
+    }
+
     fn shown(&self) -> String {
         match self.value {
             DeValue::String(text) => format!("the text \"{text}\""),

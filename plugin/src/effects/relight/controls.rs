@@ -1,6 +1,7 @@
 //! What the artist set, at a time. A parameter that a host does not have counts as its default.
 
 use relume_core::relight::Look;
+use relume_core::settings::lighting::{PRESETS, Preset};
 use relume_core::settings::{self, Kind, Setting};
 
 use crate::host::{Effect, Params};
@@ -26,7 +27,11 @@ pub struct Controls {
     pub asset: String,
     /// The environment's path as typed.
     pub environment: String,
-    /// A lamp counted from 1, or `None` for the environment.
+    /// The lighting file's path as typed.
+    pub lighting_file: String,
+    /// A lighting that ships, or `None`.
+    pub lighting: Option<&'static Preset>,
+    /// A lamp counted from 1, or `None` for another light.
     pub lamp: Option<usize>,
     /// How light becomes a picture.
     pub look: Look,
@@ -53,7 +58,17 @@ impl Controls {
             _ => Output::Composite,
         };
         let (asset, environment) = (source.text(&settings::ASSET), source.text(&settings::ENVIRONMENT));
-        Self { asset, environment, lamp, look, output }
+        let lighting_file = source.text(&settings::LIGHTING_FILE);
+        // The first choice is none.
+        let lighting = source.choice(&settings::LIGHTING).checked_sub(1).and_then(|n| PRESETS.get(n));
+        Self { asset, environment, lighting_file, lighting, lamp, look, output }
+    }
+}
+
+impl Controls {
+    /// The lighting file, if one is typed.
+    pub fn lighting_file(&self) -> Option<&str> {
+        Some(self.lighting_file.trim()).filter(|typed| !typed.is_empty())
     }
 }
 

@@ -14,7 +14,7 @@ const LIGHT: (&str, &str) = ("lightGroup", "Light");
 const RESPONSE: (&str, &str) = ("responseGroup", "Response");
 
 const DESCRIPTION: &str = "Lights a captured object (a .rfield asset made with Relume) with a lat-long environment, \
-    a clip or one of the captured lamps, and composites it over Source. Float pixels are linear; 8-bit pixels are taken as sRGB.";
+    a clip, lamps or one of the captured lamps, and composites it over Source. Float pixels are linear; 8-bit pixels are taken as sRGB.";
 
 /// What holds in every context.
 pub fn describe(call: &Call<'_>) -> Reply {
@@ -89,7 +89,15 @@ fn clip(effect: &Effect<'_>, name: &CStr, components: &[&CStr], optional: bool) 
 
 fn parameters(params: &Params<'_>) {
     let (light, response) = (
-        [&settings::ENVIRONMENT, &settings::LAMP, &settings::ROTATION, &settings::MAP_CENTRE, &settings::EXPOSURE],
+        [
+            &settings::ENVIRONMENT,
+            &settings::LIGHTING,
+            &settings::LIGHTING_FILE,
+            &settings::LAMP,
+            &settings::ROTATION,
+            &settings::MAP_CENTRE,
+            &settings::EXPOSURE,
+        ],
         [&settings::AMBIENT, &settings::RECONSTRUCTION, &settings::OUTSIDE],
     );
     let group_of = |id: &str| {
@@ -185,7 +193,7 @@ fn range(properties: &Properties<'_>, hard: (f64, f64), soft: (f64, f64)) {
 
 fn reload(params: &Params<'_>) {
     let Some(properties) = params.define(kOfxParamTypePushButton, status::RELOAD) else { return };
-    named(&properties, status::RELOAD, "Reload", "Opens the asset and the environment again.");
+    named(&properties, status::RELOAD, "Reload", "Opens the asset and the files of the light again.");
     let Some(properties) = params.define(kOfxParamTypeInteger, status::RELOADS) else { return };
     named(&properties, status::RELOADS, "Reloads", "Counts reloads, so that the host renders again.");
     properties.set_int(kOfxParamPropDefault, 0);
