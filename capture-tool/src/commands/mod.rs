@@ -4,6 +4,8 @@ mod compare;
 mod demo;
 mod import;
 mod info;
+mod light_flags;
+mod map;
 mod relight;
 mod values;
 mod verify;
@@ -20,6 +22,8 @@ pub enum Command {
     Import(import::Source),
     /// Light a captured object anew.
     Relight(relight::Arguments),
+    /// Turn, blur, clamp, tint, expose, convert or resize a lat-long map (tint and exposure in the output's colours).
+    Map(map::Arguments),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -38,6 +42,7 @@ impl Command {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Relight(arguments) => arguments.run(),
+            Command::Map(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),

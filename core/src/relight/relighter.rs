@@ -1,12 +1,12 @@
-//! An asset, its cached projections, and a user's look.
+//! An asset and its cached projections.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::{Weights, apply};
+use super::{Look, Weights, apply, prepared};
 use crate::error::{Error, Result};
 use crate::field::Asset;
-use crate::illumination::{EnvMap, MapCentre};
-use crate::image::{Image, Window};
+use crate::illumination::EnvMap;
+use crate::image::{Conversion, Image, Window};
 use crate::reconstruct::{Method, Operator, Outside};
 
 /// Maps wider than this are averaged down before projection: 0.18 degrees a texel is far below any rig's cell, and the
@@ -23,36 +23,6 @@ pub enum Light<'a> {
     Map(&'a EnvMap),
     /// Captured lamp N, counted from 1, at the intensity of the capture.
     Lamp(usize),
-}
-
-/// What a user can turn, with neutral defaults.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
-    /// How the reflectance function is filled in.
-    pub method: Method,
-    /// What becomes of light outside the coverage.
-    pub outside: Outside,
-    /// What stands in the middle column of the map.
-    pub centre: MapCentre,
-    /// Heading of the light in degrees about +y, right-handed.
-    pub heading_deg: f64,
-    /// Exposure of the light in stops; the ambient is not scaled.
-    pub exposure_ev: f64,
-    /// g in `T L + g S`.
-    pub ambient: f64,
-}
-
-impl Default for Look {
-    fn default() -> Self {
-        Self {
-            method: Method::default(),
-            outside: Outside::default(),
-            centre: MapCentre::default(),
-            heading_deg: 0.0,
-            exposure_ev: 0.0,
-            ambient: 0.0,
-        }
-    }
 }
 
 /// What an operator depends on, beside the asset.
@@ -77,23 +47,25 @@ impl Relighter {
         &self.asset
     }
 
-    /// Projects a light onto the lamps: `w_j = 2^EV integral of U_j(w) L(w) dw`, in units of radiance times steradian, or
-    /// E_N for a lamp. Once a picture, not per window. The first call for a method and map size builds the projection
+    /// Projects a light onto the lamps: `w_j = 2^EV tint * integral of U_j(w) L(w) dw`, in units of radiance times
+    /// steradian and the asset's colours, or 2^EV tint E_N for a lamp. L is the map [as the look has it](prepared). Once a picture, not per window. The first call for a method and map size builds the projection
     /// (about a second); later ones take milliseconds.
     ///
     /// # Errors
     /// A lamp that is not in the set.
     pub fn weights(&self, light: Light<'_>, look: &Look) -> Result<Weights> {
-        let exposure = look.exposure_ev.exp2() as f32;
         let mut weights = match light {
             Light::Map(map) => {
-                let map = map.reduced(WIDEST_MAP).oriented(look.centre, look.heading_deg);
+                let map = prepared(map, look);
                 let (w, h) = map.image().size();
-                Weights { rgb: self.operator((look.method, look.outside, w, h)).downsample(&map) }
+                let mut weights = Weights { rgb: self.operator((look.method, look.outside, w, h)).downsample(&map) };
+                // Colours of the sums in place of those of all texels: projection treats channels alike.
+                weights.convert(&Conversion::between(look.map_space, self.asset.colour_space()));
+                weights
             }
             Light::Lamp(number) => self.lamp(number)?,
         };
-        weights.rgb.iter_mut().flatten().for_each(|w| *w *= exposure);
+        weights.scale(look.gain());
         Ok(weights)
     }
 
@@ -148,9 +120,10 @@ impl Relighter {
         Ok(lit.iter().zip(lights).map(|(picture, (_, look))| self.finish(picture, look, window)).collect())
     }
 
-    /// Adds `g S` and alpha.
+    /// Adds `g S` and alpha, in the colours asked for.
     fn finish(&self, lit: &Image, look: &Look, window: Window) -> Image {
         let mut element = Image::new(window.width(), window.height(), 4);
+        let colours = Conversion::between(self.asset.colour_space(), look.output_space);
         let ambient = self.asset.ambient().filter(|_| look.ambient != 0.0);
         for y in 0..window.height() {
             for x in 0..window.width() {
@@ -161,6 +134,8 @@ impl Relighter {
                     let s = ambient.map_or(0.0, |s| s.pixel(sx, sy)[c]);
                     out[c] = rgb[c] + look.ambient as f32 * s;
                 }
+                let rgb = colours.apply([out[0], out[1], out[2]]);
+                out[..3].copy_from_slice(&rgb);
                 out[3] = self.asset.alpha().map_or(1.0, |alpha| alpha[sy * self.asset.width() + sx]);
             }
         }
