@@ -223,7 +223,7 @@ fn open_to_all(folder: &Path) -> Result<()> {
 mod tests {
     use relume_core::domain::lp;
     use relume_core::field::Precision;
-    use relume_core::image::Encoding;
+    use relume_core::image::{ColourSpace, Encoding};
 
     use super::*;
 
@@ -234,6 +234,7 @@ mod tests {
         ImportLp {
             lp: folder.join("l.lp"),
             encoding: Encoding::Auto,
+            colour_space: ColourSpace::default(),
             black: None,
             alpha: None,
             irradiance: 2.0,

@@ -210,7 +210,7 @@ fn bad_scripts_and_ranges_are_refused_before_anything_is_written() {
     refuse(&mut animate(&set, &set.path("dirs.lp"), "s.toml", "1-4", "f", &[]), &["dirs.lp"]);
     refuse(&mut animate(&set, &field, "absent.toml", "1-4", "f", &[]), &["absent.toml"]);
     for (frames, output) in [("4-1", "f.####.exr"), ("1-4y2", "f.####.exr"), ("", "f.####.exr"), ("1-4", "f.exr")] {
-        let output = run(tool(&["animate", "a.rfield", "s.toml", "--frames", frames, "-o", output]));
+        let output = run(&mut tool(&["animate", "a.rfield", "s.toml", "--frames", frames, "-o", output]));
         assert_eq!(output.status.code(), Some(2), "{frames:?}");
         assert!(text(&output.stderr).contains(if frames == "1-4" { "####" } else { "1-4" }), "{}", text(&output.stderr));
     }

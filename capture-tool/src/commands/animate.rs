@@ -15,7 +15,7 @@ use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
 use relume_core::settings::animation::{Script, ScriptLight, Source};
 
 use super::relight::{AccessChoice, band_rows};
-use super::{note, values};
+use super::note;
 use crate::frames::{Frames, Pattern};
 use crate::progress::{self, Progress, Unit};
 
@@ -128,9 +128,10 @@ impl Plan {
             let looks: Vec<Look> = frames.iter().map(|&f| self.script.look(f as f64)).collect();
             let lit: Vec<(&Weights, &Look)> = weights.iter().zip(&looks).collect();
             let pictures = render(&relighter, &lit, &mut |row| step(before, row * frames.len() as u64))?;
-            for (&frame, picture) in frames.iter().zip(pictures) {
+            for ((&frame, picture), look) in frames.iter().zip(pictures).zip(&looks) {
                 progress::check()?;
-                image::write(&self.output.path(frame), &picture, EncodeOptions::default())?;
+                let options = EncodeOptions { colour_space: look.output_space, ..EncodeOptions::default() };
+                image::write(&self.output.path(frame), &picture, options)?;
             }
         }
         Ok(self.report(missing.len()))
@@ -186,6 +187,8 @@ struct Lights<'a> {
     script: &'a Script,
     relighter: &'a Relighter,
     maps: HashMap<&'a Path, EnvMap>,
+    /// For each light its map as it was last clamped and blurred.
+    blurred: Vec<Option<(f64, f64, EnvMap)>>,
     beams: Vec<Vec<Beam>>,
     /// For each light the look it was last projected with, its lamp's number, and the weights: what stays is projected once.
     last: Vec<Option<(Look, usize, Weights)>>,
@@ -207,8 +210,8 @@ impl<'a> Lights<'a> {
                 maps.insert(path.as_path(), map.reduced(WIDEST_MAP).into_owned());
             }
         }
-        let last = script.lights.iter().map(|_| None).collect();
-        Ok(Self { script, relighter, maps, beams, last })
+        let (last, blurred) = script.lights.iter().map(|_| (None, None)).unzip();
+        Ok(Self { script, relighter, maps, blurred, beams, last })
     }
 
     /// The sum over the lights of gain times weights, in f64.
@@ -239,16 +242,31 @@ impl<'a> Lights<'a> {
             Some(kept) => kept,
             None => {
                 progress::check()?;
+                let mut still = look;
                 let source = match &light.source {
-                    Source::Map(path) => Light::Map(&self.maps[path.as_path()]),
+                    Source::Map(path) => {
+                        let map = soft(&self.maps[path.as_path()], &look, &mut self.blurred[n]);
+                        still = Look { clamp: 0.0, blur_deg: 0.0, ..look };
+                        Light::Map(map)
+                    }
                     Source::Lighting(_) => Light::Beams(&self.beams[n]),
                     Source::Lamp(_) => Light::Lamp(number),
                 };
-                (look, number, self.relighter.weights(source, &look)?)
+                (look, number, self.relighter.weights(source, &still)?)
             }
         };
         Ok(&self.last[n].insert(projected).2)
     }
+}
+
+/// The map of a light clamped and blurred, once for all frames that turn it.
+fn soft<'m>(map: &'m EnvMap, look: &Look, kept: &'m mut Option<(f64, f64, EnvMap)>) -> &'m EnvMap {
+    if look.clamp == 0.0 && look.blur_deg == 0.0 {
+        return map;
+    }
+    let fits = kept.take().filter(|kept| kept.0 == look.clamp && kept.1 == look.blur_deg);
+    let made = || (look.clamp, look.blur_deg, map.clamped(look.clamp).blurred(look.blur_deg).into_owned());
+    &kept.insert(fits.unwrap_or_else(made)).2
 }
 
 #[cfg(test)]

@@ -5,6 +5,8 @@ mod compare;
 mod demo;
 mod import;
 mod info;
+mod light_flags;
+mod map;
 mod lightings;
 mod relight;
 mod values;
@@ -26,6 +28,8 @@ pub enum Command {
     Animate(animate::Arguments),
     /// List the lightings that ship, or print one to start from.
     Lightings(lightings::Arguments),
+    /// Turn, blur, clamp, tint, expose, convert or resize a lat-long map (tint and exposure in the output's colours).
+    Map(map::Arguments),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -46,6 +50,7 @@ impl Command {
             Command::Relight(arguments) => arguments.run(),
             Command::Animate(arguments) => arguments.run(),
             Command::Lightings(arguments) => arguments.run(),
+            Command::Map(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),

@@ -37,6 +37,7 @@ impl Bands for Formula {
 
 fn contents(precision: Precision, width: usize, height: usize) -> Contents {
     Contents {
+        colour_space: Default::default(),
         domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()]).unwrap(),
         irradiance: vec![1.0, 2.0, std::f32::consts::PI],
         width,

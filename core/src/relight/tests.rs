@@ -52,6 +52,7 @@ impl Ball {
         let mut photographs = Photographs::new(40, 40, folder.path());
         lamps.iter().for_each(|lamp| photographs.push(ball(lamp)).unwrap());
         let contents = Contents {
+            colour_space: Default::default(),
             domain: Directions::new(lamps).unwrap(),
             irradiance: (0..n).map(|j| 1.0 + j as f32 / n as f32).collect(),
             width: 40,

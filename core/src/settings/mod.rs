@@ -10,6 +10,7 @@ pub mod lighting;
 mod table;
 
 use crate::illumination::MapCentre;
+use crate::image::ColourSpace;
 use crate::reconstruct::{Method, Outside};
 
 /// What a setting holds.
@@ -22,6 +23,15 @@ pub enum Kind {
         /// Smallest and largest allowed.
         hard: (f64, f64),
         /// Ends of the slider.
+        soft: (f64, f64),
+    },
+    /// A linear RGB colour, or a gain for each channel.
+    Colour {
+        /// The neutral value.
+        default: [f64; 3],
+        /// Smallest and largest allowed, of each channel.
+        hard: (f64, f64),
+        /// Ends of the sliders.
         soft: (f64, f64),
     },
     /// A whole number.
@@ -97,6 +107,63 @@ pub const ROTATION: Setting = Setting {
     hint: "Turns the light about the vertical axis, in degrees: light from the camera moves to the right of the picture.",
     kind: Kind::Number { default: 0.0, hard: (-1e6, 1e6), soft: (-180.0, 180.0) },
 };
+/// Pitch of the light.
+pub const PITCH: Setting = Setting {
+    id: "pitch",
+    label: "Pitch",
+    hint: "Tips the light about the axis to the right, in degrees, before Rotation: light from the top moves towards the camera.",
+    kind: Kind::Number { default: 0.0, hard: (-1e6, 1e6), soft: (-180.0, 180.0) },
+};
+/// Roll of the light.
+pub const ROLL: Setting = Setting {
+    id: "roll",
+    label: "Roll",
+    hint: "Rolls the light about the axis to the camera, in degrees, before Pitch: light from the right moves to the top.",
+    kind: Kind::Number { default: 0.0, hard: (-1e6, 1e6), soft: (-180.0, 180.0) },
+};
+/// Gain of each channel.
+pub const TINT: Setting = Setting {
+    id: "tint",
+    label: "Tint",
+    hint: "Multiplies the red, green and blue of the light, in the asset's colour space.",
+    kind: Kind::Colour { default: [1.0; 3], hard: (0.0, 1e6), soft: (0.0, 2.0) },
+};
+/// Blur of the map.
+pub const BLUR: Setting = Setting {
+    id: "blur",
+    label: "Blur",
+    hint: "Blurs the environment, keeping its energy: standard deviation of a Gaussian on the sphere, in degrees.",
+    kind: Kind::Number { default: 0.0, hard: (0.0, 180.0), soft: (0.0, 60.0) },
+};
+/// Largest radiance.
+pub const CLAMP: Setting = Setting {
+    id: "clamp",
+    label: "Clamp",
+    hint: "Scales brighter parts of the environment down until their brightest channel is this, keeping hue; before Blur. 0 is no limit.",
+    kind: Kind::Number { default: 0.0, hard: (0.0, 1e30), soft: (0.0, 100.0) },
+};
+/// Colours of the map.
+pub const MAP_SPACE: Setting = Setting {
+    id: "mapSpace",
+    label: "Map colours",
+    hint: "The colour space of the environment, as a file or the Illumination clip.",
+    kind: Kind::Choice { default: 0, options: COLOUR_SPACES },
+};
+/// Colours of the picture.
+pub const OUTPUT_SPACE: Setting = Setting {
+    id: "outputSpace",
+    label: "Output colours",
+    hint: "The colour space of the picture; Source is taken to be in it.",
+    kind: Kind::Choice { default: 0, options: COLOUR_SPACES },
+};
+/// [`ColourSpace::ALL`].
+const COLOUR_SPACES: &[(&str, &str)] = {
+    const fn option(space: ColourSpace) -> (&'static str, &'static str) {
+        (space.id(), space.label())
+    }
+    let [a, b, c, d, e] = ColourSpace::ALL;
+    &[option(a), option(b), option(c), option(d), option(e)]
+};
 /// Stops.
 pub const EXPOSURE: Setting = Setting {
     id: "exposure",
@@ -144,8 +211,27 @@ pub const OUTPUT: Setting = Setting {
 };
 
 /// The settings of Relume Relight, in the order shown.
-pub const RELIGHT: &[Setting] =
-    &[ASSET, ENVIRONMENT, LIGHTING, LIGHTING_FILE, LAMP, ROTATION, MAP_CENTRE, EXPOSURE, AMBIENT, RECONSTRUCTION, OUTSIDE, OUTPUT];
+pub const RELIGHT: &[Setting] = &[
+    ASSET,
+    ENVIRONMENT,
+    LIGHTING,
+    LIGHTING_FILE,
+    LAMP,
+    ROTATION,
+    PITCH,
+    ROLL,
+    MAP_CENTRE,
+    MAP_SPACE,
+    BLUR,
+    CLAMP,
+    EXPOSURE,
+    TINT,
+    AMBIENT,
+    RECONSTRUCTION,
+    OUTSIDE,
+    OUTPUT,
+    OUTPUT_SPACE,
+];
 
 /// The method of an option of [`RECONSTRUCTION`].
 pub fn method(option: usize) -> Method {
@@ -155,6 +241,11 @@ pub fn method(option: usize) -> Method {
 /// The meaning of an option of [`MAP_CENTRE`].
 pub fn map_centre(option: usize) -> MapCentre {
     [MapCentre::Front, MapCentre::Behind].get(option).copied().unwrap_or_default()
+}
+
+/// The meaning of an option of [`MAP_SPACE`] and [`OUTPUT_SPACE`].
+pub fn colour_space(option: usize) -> ColourSpace {
+    ColourSpace::ALL.get(option).copied().unwrap_or_default()
 }
 
 /// The meaning of an option of [`OUTSIDE`].

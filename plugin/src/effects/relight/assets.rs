@@ -171,8 +171,8 @@ impl Library {
     /// # Errors
     /// A lamp that is not in the set.
     pub fn weights(&self, field: &Arc<Relighter>, light: &Lit, look: &Look) -> Result<Arc<Weights>> {
-        // The ambient is not part of the weights; a change of it alone must find them.
-        let look = Look { ambient: 0.0, ..*look };
+        // A change of what is not part of the weights must find them.
+        let look = look.of_weights();
         let fits =
             |e: &Entry| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
         let find = || self.entries().iter().find(|e| fits(e)).map(|e| Arc::clone(&e.weights));

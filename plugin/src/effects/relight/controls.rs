@@ -49,7 +49,14 @@ impl Controls {
             outside: settings::outside(source.choice(&settings::OUTSIDE)),
             centre: settings::map_centre(source.choice(&settings::MAP_CENTRE)),
             heading_deg: source.number(&settings::ROTATION),
+            pitch_deg: source.number(&settings::PITCH),
+            roll_deg: source.number(&settings::ROLL),
             exposure_ev: source.number(&settings::EXPOSURE),
+            tint: source.colour(&settings::TINT),
+            blur_deg: source.number(&settings::BLUR),
+            clamp: source.number(&settings::CLAMP),
+            map_space: settings::colour_space(source.choice(&settings::MAP_SPACE)),
+            output_space: settings::colour_space(source.choice(&settings::OUTPUT_SPACE)),
             ambient: source.number(&settings::AMBIENT),
         };
         let output = match source.choice(&settings::OUTPUT) {
@@ -84,6 +91,13 @@ impl Source<'_> {
         let Kind::Number { default, hard, .. } = setting.kind else { return 0.0 };
         let value = self.params.and_then(|p| p.double(setting.id, self.time));
         value.unwrap_or(default).clamp(hard.0, hard.1)
+    }
+
+    /// Clamped like numbers.
+    fn colour(&self, setting: &Setting) -> [f64; 3] {
+        let Kind::Colour { default, hard, .. } = setting.kind else { return [1.0; 3] };
+        let value = self.params.and_then(|p| p.rgb(setting.id, self.time));
+        value.unwrap_or(default).map(|v| v.clamp(hard.0, hard.1))
     }
 
     fn integer(&self, setting: &Setting) -> i32 {
