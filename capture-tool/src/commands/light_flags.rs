@@ -51,7 +51,7 @@ pub(super) struct GainFlags {
     exposure: f64,
     #[arg(long, value_name = "R,G,B", help = settings::TINT.hint,
           allow_hyphen_values = true, value_parser = values::colour(&settings::TINT),
-          default_value = values::neutral_colour(&settings::TINT))]
+          default_value = "1,1,1")]
     tint: [f64; 3],
     /// The colour space of the output: lin_rec709, lin_rec2020, acescg, aces2065_1 or lin_p3d65. EXR files tell it.
     #[arg(long, value_name = "SPACE", value_parser = values::colour_space, default_value_t = ColourSpace::default())]
