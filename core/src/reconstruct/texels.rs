@@ -63,7 +63,7 @@ impl Texels<'_> {
 
     /// Each texel is cut into this many by this many patches to begin with.
     fn cut(&self) -> usize {
-        FINEST_ROWS.div_ceil(self.height).max(1)
+        (self.basis.finest_columns() / 2).min(FINEST_ROWS).div_ceil(self.height).max(1)
     }
 
     /// The entries of row `j`, and the solid angle that somebody answers for.
