@@ -42,6 +42,11 @@ impl HarmonicMoments {
         Self { bands, width, height, covered, columns, rows }
     }
 
+    /// What a product reads.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.covered) + size_of_val(&*self.columns) + size_of_val(&*self.rows)
+    }
+
     /// For each function the integral over the coverage of it times the radiance; `radiance` is RGB, texel after texel.
     pub fn times(&self, radiance: &[f32]) -> Vec<[f64; 3]> {
         let functions = self.bands * self.bands;

@@ -105,11 +105,11 @@ impl Fit for LeastSquares {
     }
 }
 
-/// Solid angles of the sites' Voronoi cells inside the coverage.
+/// Solid angles of the sites' Voronoi cells inside the coverage: weights, so some percent will do.
 fn cells(domain: &Arc<Directions>) -> DVector<f64> {
     let (width, height) = (256, 128);
     let basis = ZeroOrder::new(domain.clone());
-    let texels = Texels { domain, basis: &basis, outside: Outside::Drop, width, height };
+    let texels = Texels { domain, basis: &basis, outside: Outside::Drop, width, height, finest_rows: height };
     let sums = Sparse::new(basis.len(), width * height, &texels.integrate()).times(&vec![1.0; 3 * width * height]);
     // A cell that the texels missed still has some weight.
     DVector::from_iterator(sums.len(), sums.iter().map(|sum| sum[0].max(1e-6)))

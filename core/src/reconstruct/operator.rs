@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::basis::Basis;
 use super::harmonic_moments::HarmonicMoments;
 use super::sparse::Sparse;
-use super::texels::{Entry, Texels};
+use super::texels::{Entry, FINEST_ROWS, Texels};
 use super::{Outside, Reconstruction};
 use crate::illumination::EnvMap;
 use crate::math::Vec3;
@@ -57,6 +57,14 @@ impl Operator {
     /// How many lamps.
     pub fn lamps(&self) -> usize {
         self.reconstruction.domain().len()
+    }
+
+    /// Bytes that downsampling reads beside the map.
+    pub fn bytes(&self) -> usize {
+        match &self.moments {
+            Moments::Sparse(moments) => moments.bytes(),
+            Moments::Harmonic(moments, sites) => moments.bytes() + sites.bytes(),
+        }
     }
 
     /// `U L'` (eq. 4.7): for each lamp the integral of its kernel times the radiance, RGB. Sums run in f64.
@@ -131,7 +139,7 @@ fn texels<'a>(
     outside: Outside,
     (width, height): (usize, usize),
 ) -> Texels<'a> {
-    Texels { domain: reconstruction.domain(), basis, outside, width, height }
+    Texels { domain: reconstruction.domain(), basis, outside, width, height, finest_rows: FINEST_ROWS }
 }
 
 /// The function that is 1 everywhere.
