@@ -4,6 +4,7 @@
 //! towards the camera. A light direction is a unit vector from the object to the light. Angles are radians unless a
 //! name says `_deg`.
 
+pub mod harmonics;
 pub mod latlong;
 mod orientation;
 

@@ -178,12 +178,12 @@ pub const AMBIENT: Setting = Setting {
     hint: "How much of the ambient picture (seen with every lamp off) is added.",
     kind: Kind::Number { default: 0.0, hard: (0.0, 1000.0), soft: (0.0, 1.0) },
 };
-/// Zero-order or linear.
+/// One of [`Method::ALL`].
 pub const RECONSTRUCTION: Setting = Setting {
     id: "reconstruction",
     label: "Reconstruction",
-    hint: "How the answer to light is filled in between the lamps.",
-    kind: Kind::Choice { default: 1, options: &[("zero-order", "Zero-order"), ("linear", "Linear")] },
+    hint: "How the answer to light is filled in between the lamps. Haar, 5/3 and 9/7 need lamps on rings of equal longitudes.",
+    kind: Kind::Choice { default: 1, options: Method::NAMES },
 };
 /// Front or behind.
 pub const MAP_CENTRE: Setting = Setting {
