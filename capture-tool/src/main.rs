@@ -4,6 +4,7 @@
 //! chooses the exit code: 0, 1 bad input, 2 usage, 130 stopped with Ctrl-C.
 
 mod commands;
+mod frames;
 mod new_folder;
 mod progress;
 mod session;
@@ -39,7 +40,7 @@ fn main() -> ExitCode {
     let said = match arguments.command.run() {
         Ok(text) => std::io::stdout().lock().write_all(text.as_bytes()),
         Err(error) if progress::is_cancelled(&error) => {
-            complain("stopped; nothing was left behind");
+            complain("stopped; nothing unfinished was left behind");
             return ExitCode::from(EXIT_STOPPED);
         }
         Err(error) => {

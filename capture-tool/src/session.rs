@@ -170,7 +170,7 @@ fn copy_and_hash(from: &Path, to: &Path) -> Result<(u64, String)> {
 mod tests {
     use relume_core::domain::lp;
     use relume_core::field::Precision;
-    use relume_core::image::Encoding;
+    use relume_core::image::{ColourSpace, Encoding};
 
     use super::*;
 
@@ -181,6 +181,7 @@ mod tests {
         ImportLp {
             lp: folder.join("l.lp"),
             encoding: Encoding::Auto,
+            colour_space: ColourSpace::default(),
             black: None,
             alpha: None,
             irradiance: 2.0,

@@ -3,6 +3,8 @@
 mod cli;
 mod cli_sets;
 mod host_self;
+mod lights;
+mod look;
 mod photographs;
 mod plugin;
 mod relight_effect;

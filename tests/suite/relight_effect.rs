@@ -80,6 +80,7 @@ fn write_asset(path: &Path) {
     };
     let alpha = |i: usize| if (i % WIDTH).abs_diff(26) < 20 { ((i / WIDTH) as f32 / 20.0).min(1.0) } else { 0.0 };
     let contents = Contents {
+        colour_space: Default::default(),
         domain: Directions::new((0..LAMPS).map(lamp).collect()).unwrap(),
         irradiance: vec![std::f32::consts::PI; LAMPS],
         width: WIDTH,

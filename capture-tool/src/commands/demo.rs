@@ -126,6 +126,7 @@ fn photograph(scene: &Scene, camera: Camera, lamps: &Directions, seen: &ClassMap
     let quality = Quality::default();
     let stage = Stage::new(scene, camera, lamps, quality);
     let contents = Contents {
+        colour_space: Default::default(),
         domain: lamps.clone(),
         irradiance: vec![std::f32::consts::PI; lamps.len()],
         width: camera.width,

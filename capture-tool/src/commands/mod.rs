@@ -1,10 +1,14 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
+mod animate;
 mod compare;
 mod demo;
 mod evaluate;
 mod import;
 mod info;
+mod light_flags;
+mod map;
+mod lightings;
 mod relight;
 mod values;
 mod verify;
@@ -21,6 +25,12 @@ pub enum Command {
     Import(import::Source),
     /// Light a captured object anew.
     Relight(relight::Arguments),
+    /// Light a captured object with lights that turn, fade and change: a picture a frame.
+    Animate(animate::Arguments),
+    /// List the lightings that ship, or print one to start from.
+    Lightings(lightings::Arguments),
+    /// Turn, blur, clamp, tint, expose, convert or resize a lat-long map (tint and exposure in the output's colours).
+    Map(map::Arguments),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -42,6 +52,9 @@ impl Command {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Relight(arguments) => arguments.run(),
+            Command::Animate(arguments) => arguments.run(),
+            Command::Lightings(arguments) => arguments.run(),
+            Command::Map(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),

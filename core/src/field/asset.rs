@@ -12,7 +12,7 @@ use super::npy;
 use super::store::{Access, Scratch, Store};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::image::Image;
+use crate::image::{ColourSpace, Image};
 
 /// How much is hashed at a time.
 const HASH_CHUNK: u64 = 16 << 20;
@@ -22,6 +22,7 @@ const HASH_CHUNK: u64 = 16 << 20;
 #[derive(Debug)]
 pub struct Asset {
     manifest: Manifest,
+    colour_space: ColourSpace,
     domain: Arc<Directions>,
     dense: Dense,
     ambient: Option<Image>,
@@ -42,6 +43,7 @@ impl Asset {
         let manifest = Manifest::parse(&archive::manifest_bytes(path, &entries)?, &place)?;
         let domain =
             manifest.directions().map_err(|error| Error::invalid(&place, error.to_string(), "a usable domain"))?;
+        let colour_space = manifest.colours()?;
         let store = Arc::new(Store::open(path, access)?);
         let layout = Layout { width: manifest.width, height: manifest.height, elements: domain.len() };
         let Representation::Dense { array, precision, scale, .. } = &manifest.representation;
@@ -58,7 +60,7 @@ impl Asset {
             let place = format!("{place}, layers/alpha.npy, pixel ({}, {})", at % w, at / w);
             return Err(Error::invalid(place, "a number outside 0 to 1", "a coverage"));
         }
-        Ok(Self { manifest, domain: Arc::new(domain), dense, ambient, alpha, entries, store })
+        Ok(Self { manifest, colour_space, domain: Arc::new(domain), dense, ambient, alpha, entries, store })
     }
 
     /// Where it lies.
@@ -74,6 +76,11 @@ impl Asset {
     /// What it says of itself.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
+    }
+
+    /// The colours of transport and layers.
+    pub fn colour_space(&self) -> ColourSpace {
+        self.colour_space
     }
 
     /// Columns of the pictures.

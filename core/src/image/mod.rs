@@ -12,7 +12,9 @@
 //! | `stored` | samples as a file holds them -> linear, premultiplied f32 |
 //! | `write` | chooses the type by extension; HDR, PNG and JPEG out |
 //! | [`srgb`] | the transfer curve |
+//! | `colour` | colour spaces and the matrices between them |
 
+mod colour;
 mod exr;
 mod raster;
 mod read;
@@ -21,6 +23,7 @@ mod stored;
 mod tiff;
 mod write;
 
+pub use colour::{ColourSpace, Conversion, Primaries};
 pub use read::{Encoding, probe_size, read};
 pub use write::{EncodeOptions, check_output, encode_png8, write};
 

@@ -194,8 +194,8 @@ mod tests {
         for name in ["a.exr", "a.hdr", "a.png", "a.tif", "a.jpg"] {
             add(name, &picture(), EncodeOptions::default());
         }
-        add("half.exr", &alpha, EncodeOptions { half: true, png8: false });
-        add("narrow.png", &alpha, EncodeOptions { half: false, png8: true });
+        add("half.exr", &alpha, EncodeOptions { half: true, ..Default::default() });
+        add("narrow.png", &alpha, EncodeOptions { png8: true, ..Default::default() });
         add("alpha.tif", &alpha, EncodeOptions::default());
         paths.extend(foreign_exrs(folder));
         paths
