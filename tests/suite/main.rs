@@ -2,6 +2,7 @@
 
 mod cli;
 mod cli_sets;
+mod evaluate;
 mod host_self;
 mod lights;
 mod look;

@@ -17,7 +17,9 @@ use relume_core::image::{self, EncodeOptions, Image, Window};
 use relume_core::math::Vec3;
 use relume_core::reconstruct::Method;
 use relume_core::relight::{Light, Look, Relighter, Weights};
-use relume_core::simulate::{Camera, Class, ClassMap, Quality, Scene, Stage, classes, demo_lamps, grid_lamps, lights, truth};
+use relume_core::simulate::{
+    Camera, Class, ClassMap, Quality, Scene, Stage, classes, demo_lamps, grid_lamps, lights, truth,
+};
 
 use crate::progress::{Progress, Unit};
 use crate::sheet;
@@ -79,7 +81,8 @@ impl Arguments {
         std::fs::create_dir_all(&self.out).map_err(|source| Error::io("create", &self.out, source))?;
         let (width, height) = (usize::from(self.width), usize::from(self.width) * 3 / 4);
         let (scene, camera) = (Scene::demo(), Camera::demo(width, height));
-        let lamps = self.grid.map_or_else(|| demo_lamps(LAMPS), |(longitudes, latitudes)| grid_lamps(longitudes, latitudes));
+        let lamps =
+            self.grid.map_or_else(|| demo_lamps(LAMPS), |(longitudes, latitudes)| grid_lamps(longitudes, latitudes));
         let lamps = Directions::new(lamps)?;
         let seen = classes(&scene, &camera);
         let path = self.out.join("asset.rfield");

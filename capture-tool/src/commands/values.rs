@@ -85,12 +85,20 @@ pub fn positive(text: &str) -> Result<f32, String> {
 pub fn keep(text: &str) -> Result<Keep, String> {
     const WANTED: &str = "not a part such as 1/4 or 0.25, nor a whole number of lamps";
     let part = |share: f64| {
-        if share > 0.0 && share < 1.0 { Ok(Keep::Share(share)) } else { Err("not a part more than zero and less than one".to_owned()) }
+        if share > 0.0 && share < 1.0 {
+            Ok(Keep::Share(share))
+        } else {
+            Err("not a part more than zero and less than one".to_owned())
+        }
     };
     if let Some((above, below)) = text.split_once('/') {
         let number = |text: &str| u32::from_str(text.trim()).map_err(|_| WANTED.to_owned());
         let (above, below) = (number(above)?, number(below)?);
-        return if below == 0 { Err("divided by nothing".to_owned()) } else { part(f64::from(above) / f64::from(below)) };
+        return if below == 0 {
+            Err("divided by nothing".to_owned())
+        } else {
+            part(f64::from(above) / f64::from(below))
+        };
     }
     match usize::from_str(text) {
         Ok(count) if count < FEWEST_KEPT => Err(format!("at least {FEWEST_KEPT} lamps are needed")),
@@ -174,7 +182,9 @@ mod tests {
         assert_eq!(keep("1/4"), Ok(Keep::Share(0.25)));
         assert_eq!(keep("0.25"), Ok(Keep::Share(0.25)));
         assert_eq!(keep("320"), Ok(Keep::Count(320)));
-        for bad in ["0", "3", "1/0", "0/4", "4/4", "5/4", "-1/4", "1/4/2", "1.5", "0.0", "-4", "nan", "", "quarter", "0,25"] {
+        for bad in
+            ["0", "3", "1/0", "0/4", "4/4", "5/4", "-1/4", "1/4/2", "1.5", "0.0", "-4", "nan", "", "quarter", "0,25"]
+        {
             assert!(keep(bad).is_err(), "{bad}");
         }
     }

@@ -129,7 +129,8 @@ impl PixelSet {
 /// Bytes that cannot be read, numbers that are not finite, what `progress` returns.
 pub fn traits(dense: &Dense, lamps: &Directions, progress: &mut Progress<'_>) -> Result<Vec<Traits>> {
     let work = |channels: &Channels| {
-        let mean = |j: usize, at: usize| channels.iter().map(|c| f64::from(c[j * BLOCK_PIXELS + at])).sum::<f64>() / 3.0;
+        let mean =
+            |j: usize, at: usize| channels.iter().map(|c| f64::from(c[j * BLOCK_PIXELS + at])).sum::<f64>() / 3.0;
         let of_pixel = |at: usize| {
             let samples: Vec<f64> = (0..lamps.len()).map(|j| mean(j, at)).collect();
             traits_of(lamps.lamps(), &samples)
@@ -186,8 +187,11 @@ const DARK: f64 = 0.3;
 fn traits_of(lamps: &[Vec3], samples: &[f64]) -> Traits {
     let count = samples.len() as f64;
     let energy: f64 = samples.iter().map(|r| r * r).sum();
-    let mut traits =
-        Traits { mean: (samples.iter().sum::<f64>() / count) as f32, energy: (energy / count).sqrt() as f32, ..Traits::default() };
+    let mut traits = Traits {
+        mean: (samples.iter().sum::<f64>() / count) as f32,
+        energy: (energy / count).sqrt() as f32,
+        ..Traits::default()
+    };
     if energy == 0.0 {
         return traits;
     }

@@ -125,7 +125,7 @@ mod tests {
 
     use super::*;
     use crate::domain::Directions;
-    use crate::math::{angle_between, Vec3};
+    use crate::math::{Vec3, angle_between};
     use crate::reconstruct::{Method, Outside, Reconstruction};
     use crate::simulate::grid_lamps;
 

@@ -92,8 +92,7 @@ fn thinned_grid(domain: &Directions, factor: f64) -> Option<Subset> {
     let fits = |b: &usize| whole.is_multiple_of(*b) && b * b <= whole && around.is_multiple_of(whole / b);
     let b = (1..=whole).filter(fits).max()?;
     let a = whole / b;
-    let mut kept: Vec<u32> =
-        rings.iter().step_by(b).flat_map(|ring| ring.iter().step_by(a)).copied().collect();
+    let mut kept: Vec<u32> = rings.iter().step_by(b).flat_map(|ring| ring.iter().step_by(a)).copied().collect();
     kept.sort_unstable();
     let (longitudes, left) = (around / a, rings.len().div_ceil(b));
     let rule = Rule::Grid { longitudes, rings: left, every_longitude: a, every_ring: b };
@@ -227,7 +226,8 @@ mod tests {
     #[test]
     fn too_few_and_too_many_are_refused() {
         let whole = grid(16, 4);
-        for keep in [Keep::Count(0), Keep::Count(3), Keep::Count(64), Keep::Count(65), Keep::Share(0.02), Keep::Share(2.0)]
+        for keep in
+            [Keep::Count(0), Keep::Count(3), Keep::Count(64), Keep::Count(65), Keep::Share(0.02), Keep::Share(2.0)]
         {
             let message = Subset::new(&whole, keep).unwrap_err().to_string();
             assert!(message.contains("of 64") && message.contains("fewer than all"), "{message}");

@@ -8,9 +8,7 @@ use super::blocks::map_pixels;
 use crate::domain::Directions;
 use crate::field::{Access, Asset, Contents, Precision, write};
 use crate::math::Vec3;
-use crate::simulate::{
-    Camera, ClassMap, Material, Object, Quality, Scene, Shape, Stage, V3, classes, grid_lamps,
-};
+use crate::simulate::{Camera, ClassMap, Material, Object, Quality, Scene, Shape, Stage, V3, classes, grid_lamps};
 
 /// Columns and rows: divisible by no side of a block.
 pub const SIZE: (usize, usize) = (42, 30);
@@ -47,6 +45,7 @@ pub fn photograph(scene: &Scene, lamps: Vec<Vec3>, quality: Quality, (width, hei
         ambient: None,
         alpha: Some(classes.alpha.clone()),
         provenance: serde_json::Value::Null,
+        colour_space: Default::default(),
     };
     let folder = tempfile::tempdir().unwrap();
     let path: &Path = &folder.path().join("stage.rfield");

@@ -21,7 +21,8 @@ pub fn error_bars(report: &Report) -> anyhow::Result<String> {
     let height = PANEL.1 + BAR * report.methods.len() as u32;
     let mut svg = String::new();
     {
-        let area = SVGBackend::with_string(&mut svg, (PANEL.0 * across as u32, height * down as u32)).into_drawing_area();
+        let area =
+            SVGBackend::with_string(&mut svg, (PANEL.0 * across as u32, height * down as u32)).into_drawing_area();
         area.fill(&WHITE)?;
         for (n, panel) in area.split_evenly((down, across)).iter().enumerate().take(report.sets.len()) {
             draw(panel, report, n)?;

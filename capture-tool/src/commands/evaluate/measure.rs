@@ -95,7 +95,11 @@ impl Task {
         let traits = pixel_sets::traits(asset.dense(), asset.domain(), &mut |done, all| progress.step(done, all))?;
         let found = pixel_sets::find(&traits, asset.alpha());
         let sets = pixel_sets::with_masks(found, self.masks.clone())?;
-        anyhow::ensure!(!sets.is_empty(), "{} is black under every lamp: there is nothing to measure", asset.path().display());
+        anyhow::ensure!(
+            !sets.is_empty(),
+            "{} is black under every lamp: there is nothing to measure",
+            asset.path().display()
+        );
 
         let (whole, _) = build(asset.domain(), Method::ALL)?;
         let total = (thinned.methods.len() + whole.len()) as u64;
@@ -120,8 +124,9 @@ impl Task {
         let (lit, still) = self.lit_positions(&all[reference]);
         let relit = self.relit(&all[reference], &own, &sets, &lit)?;
         let stills = self.stills(&all[reference], &own, still)?;
-        let shown = |projected: &Projected, kept, stills| {
-            Shown { over_time: column.over_time(&projected.frames, kept), stills }
+        let shown = |projected: &Projected, kept, stills| Shown {
+            over_time: column.over_time(&projected.frames, kept),
+            stills,
         };
         let mut stills = stills.into_iter();
         let reference = shown(&all[reference], None, stills.next().unwrap_or_default());
@@ -173,8 +178,9 @@ impl Task {
     ) -> anyhow::Result<Vec<Vec<Vec<Summary>>>> {
         let rivals: Vec<Vec<Weights>> = own.iter().map(|projected| projected.lights(lit)).collect();
         let mut progress = Progress::new("relighting", Unit::Steps);
-        let errors =
-            relit_errors(self.asset.dense(), &reference.lights(lit), &rivals, sets, &mut |done, all| progress.step(done, all))?;
+        let errors = relit_errors(self.asset.dense(), &reference.lights(lit), &rivals, sets, &mut |done, all| {
+            progress.step(done, all)
+        })?;
         let of_method = |sets: &Vec<Vec<f64>>| {
             let over = |range: std::ops::Range<usize>| {
                 sets.iter().map(|lights| Summary::of(lights[range.clone()].iter().copied())).collect::<Vec<_>>()

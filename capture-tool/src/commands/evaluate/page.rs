@@ -37,7 +37,11 @@ struct Figure {
 impl Figure {
     fn new(name: String, picture: &Image, gain: f32) -> anyhow::Result<Self> {
         let (png, small) = (pictures::png(picture, gain)?, pictures::small(picture));
-        let shown = if small.size() == picture.size() { STANDARD.encode(&png) } else { STANDARD.encode(pictures::png(&small, gain)?) };
+        let shown = if small.size() == picture.size() {
+            STANDARD.encode(&png)
+        } else {
+            STANDARD.encode(pictures::png(&small, gain)?)
+        };
         Ok(Self { name, png, shown })
     }
 
@@ -75,7 +79,8 @@ impl Figures {
         let width = task.asset.width();
         let ids: Vec<&str> = std::iter::once("all-lamps").chain(lit.report.methods.iter().map(|m| m.id)).collect();
         let all = || std::iter::once(&lit.reference).chain(&lit.methods).zip(&ids);
-        let set = |(n, set)| Figure::new(format!("set-{}.png", n + 1), &pictures::set_picture(set, &lit.traits, width), 1.0);
+        let set =
+            |(n, set)| Figure::new(format!("set-{}.png", n + 1), &pictures::set_picture(set, &lit.traits, width), 1.0);
         let white = white(&lit.errors, &lit.traits);
         let error = |(plane, id): (&Vec<f32>, &&str)| {
             Figure::new(format!("error-{}.png", file_name(id)), &pictures::heat(plane, width, white), 1.0)
@@ -91,7 +96,11 @@ impl Figures {
         let stills = (0..lit.report.lights.len()).map(|light| {
             let gain = pictures::gain(&lit.reference.stills[light]);
             let light_name = if light == 0 { "sliver".to_owned() } else { format!("env-{light}") };
-            all().map(|(shown, id)| Figure::new(format!("{light_name}-{}.png", file_name(id)), &shown.stills[light], gain)).collect()
+            all()
+                .map(|(shown, id)| {
+                    Figure::new(format!("{light_name}-{}.png", file_name(id)), &shown.stills[light], gain)
+                })
+                .collect()
         });
         Ok(Self {
             chart: charts::error_bars(&lit.report)?,
@@ -108,7 +117,8 @@ impl Figures {
     /// Names and contents of the files beside the page.
     pub fn files(&self) -> impl Iterator<Item = (&str, &[u8])> {
         let figures = self.sets.iter().chain(&self.errors).chain(&self.over_time);
-        let figures = figures.chain(self.over_time_of_all.iter().map(|entry| &entry.1)).chain(self.stills.iter().flatten());
+        let figures =
+            figures.chain(self.over_time_of_all.iter().map(|entry| &entry.1)).chain(self.stills.iter().flatten());
         figures.map(|figure| (&figure.name[..], &figure.png[..])).chain([("errors.svg", self.chart.as_bytes())])
     }
 }

@@ -97,10 +97,16 @@ impl Arguments {
         let masks = evaluate::pixel_sets::with_masks(Vec::new(), masks)?;
         let mut methods = if self.methods.is_empty() { Method::ALL.to_vec() } else { self.methods };
         let mut seen = Vec::new();
-        methods.retain(|method| !seen.contains(method) && { seen.push(*method); true });
+        methods.retain(|method| {
+            !seen.contains(method) && {
+                seen.push(*method);
+                true
+            }
+        });
         let thinned = Thinned::new(asset.domain(), self.keep, &methods)
             .with_context(|| format!("cannot thin out {}", self.asset.display()))?;
-        let environments = self.environments.iter().map(|path| environment(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        let environments =
+            self.environments.iter().map(|path| environment(path)).collect::<anyhow::Result<Vec<_>>>()?;
         Ok(Task { asset, thinned, column, masks, environments })
     }
 }

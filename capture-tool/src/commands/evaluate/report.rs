@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
+use relume_core::evaluate::Rule;
 use relume_core::evaluate::pixel_sets::PixelSet;
 use relume_core::evaluate::reconstruction::Summary;
-use relume_core::evaluate::Rule;
 use serde::Serialize;
 
 /// Everything that is measured; `errors.json`.

@@ -4,41 +4,52 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
 
 use super::super::pixel_sets::{PixelSet, find, traits};
-use super::super::testing::{SIZE, car, photograph, quality, toy_car};
+use super::super::testing::{Field, SIZE, car, photograph, quality, toy_car};
 use super::*;
 use crate::field::{Access, Asset, Bands, Contents, Precision, write};
 use crate::relight::Weights;
 use crate::simulate::{Quality, demo_lamps, grid_lamps};
 
-/// Figure 4.16 on the virtual stage: 1280 lamps rebuilt from 320.
-#[test]
-fn smooth_local_methods_beat_steps_and_harmonics() {
-    let asset = &car().asset;
-    let thinned = Thinned::new(asset.domain(), Keep::Share(0.25), Method::ALL).unwrap();
-    assert_eq!((asset.domain().len(), thinned.subset.kept.len()), (1280, 320));
-    assert!(thinned.refused.is_empty(), "{:?}", thinned.refused);
-    let errors = relative_errors(asset.dense(), asset.domain(), &thinned, &mut |_, _| Ok(())).unwrap();
-    let traits = traits(asset.dense(), asset.domain(), &mut |_, _| Ok(())).unwrap();
-    let sets = find(&traits, asset.alpha());
-    let noise = noise(&sets);
-    for (set, noise) in sets.iter().zip(&noise) {
-        eprintln!("EXPLORE {} {} px, noise {:.4} +- {:.4}", set.name, set.pixels.len(), noise.mean, noise.deviation);
-        for (method, errors) in thinned.methods.iter().zip(&errors) {
-            let s = Summary::over(errors, &set.pixels);
-            eprintln!("EXPLORE    {:20} {:.4} +- {:.4}", method.method().id(), s.mean, s.deviation);
-        }
-    }
+/// Mean and deviation for each set and method of [`Method::ALL`].
+fn figures(field: &Field, thinned: &Thinned, sets: &[PixelSet]) -> Vec<Vec<Summary>> {
+    let asset = &field.asset;
+    let errors = relative_errors(asset.dense(), asset.domain(), thinned, &mut |_, _| Ok(())).unwrap();
+    sets.iter().map(|set| errors.iter().map(|errors| Summary::over(errors, &set.pixels)).collect()).collect()
 }
 
-/// What the random numbers of the path tracer alone are worth in e_i, measured by other ones.
-fn noise(sets: &[PixelSet]) -> Vec<Summary> {
-    let other = photograph(&toy_car(), grid_lamps(64, 20), Quality { seed: 99, ..quality() }, SIZE);
-    let (a, b) = (car().numbers(), other.numbers());
-    let of_pixel = |i: usize| {
-        let squared = |f: &dyn Fn(f32, f32) -> f32| -> f64 { a.iter().zip(&b).map(|(a, b)| f64::from(f(a[i], b[i]).powi(2))).sum() };
-        (squared(&|a, b| a - b) / squared(&|a, _| a) / 2.0).sqrt()
-    };
-    sets.iter().map(|set| Summary::of(set.pixels.iter().map(|&i| of_pixel(i as usize)))).collect()
+/// Figure 4.16 on the virtual stage: a toy car under 64 x 20 lamps, rebuilt from 32 x 10.
+#[test]
+fn linear_and_smooth_local_methods_beat_steps_and_harmonics() {
+    let asset = &car().asset;
+    let thinned = Thinned::new(asset.domain(), Keep::Share(0.25), Method::ALL).unwrap();
+    assert_eq!((asset.domain().len(), thinned.subset.kept.len(), thinned.refused.len()), (1280, 320, 0));
+    let traits = traits(asset.dense(), asset.domain(), &mut |_, _| Ok(())).unwrap();
+    let sets = find(&traits, asset.alpha());
+    let names: Vec<&str> = sets.iter().map(|set| &set.name[..]).collect();
+    assert_eq!(names, ["all", "diffuse", "glossy", "shadowed"]);
+    let found = figures(car(), &thinned, &sets);
+    // The same with other random numbers: what the path tracer's noise does to the means.
+    let again = photograph(&toy_car(), grid_lamps(64, 20), Quality { seed: 99, ..quality() }, SIZE);
+    let again = figures(&again, &thinned, &sets);
+    let number = |id: &str| Method::ALL.iter().position(|method| method.id() == id).unwrap();
+    for ((name, found), again) in names.iter().zip(&found).zip(&again) {
+        for good in ["linear", "5/3", "b-spline"].map(number) {
+            for bad in ["zero-order", "haar", "harmonics-25", "harmonics-225", "harmonics-625"].map(number) {
+                let gap = found[bad].mean - found[good].mean;
+                let noise = (found[bad].mean - again[bad].mean).abs().max((found[good].mean - again[good].mean).abs());
+                let say = || format!("{name}: {} against {}", Method::ALL[good].id(), Method::ALL[bad].id());
+                assert!(found[good].mean < 0.9 * found[bad].mean, "{}: {:?}, {:?}", say(), found[good], found[bad]);
+                assert!(noise < 0.25 * gap, "{}: noise {noise} in a difference of {gap}", say());
+            }
+        }
+        // "9/7 also yields good results, albeit with a slightly higher error."
+        let [five, nine, zero] = ["5/3", "9/7", "zero-order"].map(|id| found[number(id)].mean);
+        assert!(five < nine && nine < zero, "{name}: 5/3 {five}, 9/7 {nine}, zero-order {zero}");
+    }
+    // "Pixels representing a specular surface produced a large standard deviation."
+    for method in ["linear", "5/3", "9/7", "b-spline"].map(number) {
+        assert!(found[2][method].deviation > found[1][method].deviation.max(found[3][method].deviation));
+    }
 }
 
 /// Pixels of random numbers.
@@ -70,6 +81,7 @@ fn random_field(folder: &Path, lamps: Directions) -> Asset {
         ambient: None,
         alpha: None,
         provenance: serde_json::Value::Null,
+        colour_space: Default::default(),
     };
     let path = folder.join("a.rfield");
     write(&path, &contents, &mut Noise(elements)).unwrap();
@@ -109,7 +121,11 @@ fn errors_are_those_of_the_formula() {
             }
             let expected = (off / norm).sqrt();
             let found = f64::from(errors[y * 19 + x]);
-            assert!((found / expected - 1.0).abs() < 1e-4, "{} at ({x}, {y}): {found}, not {expected}", method.method().id());
+            assert!(
+                (found / expected - 1.0).abs() < 1e-4,
+                "{} at ({x}, {y}): {found}, not {expected}",
+                method.method().id()
+            );
         }
     }
 }
