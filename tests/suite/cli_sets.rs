@@ -4,12 +4,13 @@ use std::f64::consts::PI;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Arc;
 
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use relume_core::field::{Access, Asset, Block, BlockBuffer};
 use relume_core::image::{EncodeOptions, Encoding, Image, read, write};
-use relume_core::reconstruct::{Method, Operator, Outside};
+use relume_core::reconstruct::{Method, Operator, Outside, Reconstruction};
 use relume_tests::{shared_data, skipped};
 use serde_json::Value;
 
@@ -29,6 +30,12 @@ fn lattice(n: usize, lowest: f64) -> Vec<[f64; 3]> {
 /// Photographs of 16 x 8: one block.
 const TINY: (usize, usize) = (16, 8);
 
+/// Linear reconstruction over the asset's lamps, for maps of one size.
+fn operator(asset: &Asset, w: usize, h: usize) -> Operator {
+    let reconstruction = Reconstruction::new(asset.domain().clone(), Method::Linear).unwrap();
+    Operator::new(Arc::new(reconstruction), Outside::Drop, w, h)
+}
+
 /// A constant map of radiance 1 gives `sum_j Omega_j T_j`, by numbers that never met the tool's relighting: `T_j` are the
 /// photographs over pi, `Omega_j` the operator's solid angles, which sum to the coverage.
 fn constant_light_is_the_sum_over_lamps(set: &Set, field: &Path) {
@@ -37,7 +44,7 @@ fn constant_light_is_the_sum_over_lamps(set: &Set, field: &Path) {
     let map = set.path("one.exr").display().to_string();
     let lit = relight(field, &set.out().join("one.tif"), &["--env", &map]);
     let asset = Asset::open(field, Access::Mapped).unwrap();
-    let omega = Operator::new(asset.domain(), Method::Linear, Outside::Drop, w, h).solid_angles();
+    let omega = operator(&asset, w, h).solid_angles();
     let covered: f64 = omega.iter().sum();
     assert!((covered / asset.domain().covered_solid_angle() - 1.0).abs() < 1e-4, "covered {covered}");
     let (x, y) = lit.size();
@@ -205,7 +212,7 @@ fn a_real_painting_is_relit() {
     let lit = relight(&field, &path("park.tif"), &["--env", &park]);
     let map = relume_core::illumination::EnvMap::load(Path::new(&park)).unwrap();
     let (w, h) = map.image().size();
-    let weights = Operator::new(asset.domain(), Method::Linear, Outside::Drop, w, h).downsample(&map);
+    let weights = operator(&asset, w, h).downsample(&map);
     let mut sum = Image::new(lit.width(), lit.height(), 3);
     for (n, weight) in weights.iter().enumerate() {
         let photo = photograph(n + 1);

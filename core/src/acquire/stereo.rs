@@ -24,6 +24,9 @@ const BANDS: [(f64, f64); 6] = [(0.5, 0.9), (0.35, 0.75), (0.65, 0.85), (0.25, 0
 /// Where the biweight reaches zero in the search, as a share of the pixel's level: materials that people call diffuse leave
 /// Lambert's law by about 10 %, and a lamp beyond twice that tells nothing of the normal.
 const SEARCH_CUT: f32 = 0.2;
+/// Highlights and light from neighbours only ever add: an answer that is too high is given up at this share of the cut. The skirt of a
+/// highlight pulls the normal towards it long before it stands out.
+const ABOVE: f32 = 0.5;
 /// Reweightings of each start, and of the best one.
 const SEARCH_STEPS: usize = 4;
 const FINAL_STEPS: usize = 10;
@@ -269,10 +272,16 @@ impl Estimator {
     }
 }
 
-/// Tukey's biweight `(1 - (r / cut)^2)^2`, zero beyond the cut.
+/// A residual in cuts: 1 where the answer is given up.
+#[inline(always)]
+fn in_cuts(residual: f32, cut: f32) -> f32 {
+    if residual > 0.0 { residual / (ABOVE * cut) } else { residual / cut }
+}
+
+/// Tukey's biweight `(1 - u^2)^2`, zero beyond the cut.
 #[inline(always)]
 fn biweight(residual: f32, cut: f32) -> f32 {
-    let u = residual / cut;
+    let u = in_cuts(residual, cut);
     let v = (1.0 - u * u).max(0.0);
     v * v
 }
@@ -292,15 +301,12 @@ fn plain(lamps: &Lamps, t: &[f32], which: impl Iterator<Item = usize>) -> Normal
 /// One step of reweighting: the lamps that light a surface `m`, each by its share and the biweight of its residual.
 fn reweighted(lamps: &Lamps, t: &[f32], m: &Vector3<f32>, cut: f32) -> Normal {
     let mut sums = [[0.0f32; LANES]; 9];
-    let scale = 1.0 / cut;
     for at in (0..lamps.padded()).step_by(LANES) {
         let lanes = |v: &[f32]| -> [f32; LANES] { std::array::from_fn(|k| v[at + k]) };
         let (x, y, z, share, t) = (lanes(&lamps.x), lanes(&lamps.y), lanes(&lamps.z), lanes(&lamps.share), lanes(t));
         for k in 0..LANES {
             let p = x[k] * m.x + y[k] * m.y + z[k] * m.z;
-            let u = (t[k] - p) * scale;
-            let v = (1.0 - u * u).max(0.0);
-            let w = if p > 0.0 { share[k] * v * v } else { 0.0 };
+            let w = if p > 0.0 { share[k] * biweight(t[k] - p, cut) } else { 0.0 };
             let (wx, wy, wz) = (w * x[k], w * y[k], w * z[k]);
             let terms = [wx * x[k], wx * y[k], wx * z[k], wy * y[k], wy * z[k], wz * z[k], wx * t[k], wy * t[k], wz * t[k]];
             for (sum, term) in sums.iter_mut().zip(terms) {
@@ -315,7 +321,7 @@ fn reweighted(lamps: &Lamps, t: &[f32], m: &Vector3<f32>, cut: f32) -> Normal {
 /// The biweight's cost over all lamps, those that should be dark included; 0 to 1.
 fn cost(lamps: &Lamps, t: &[f32], m: &Vector3<f32>, cut: f32) -> f32 {
     let rho = |j: usize| {
-        let u = (t[j] - lamps.cosine(j, m).max(0.0)) / cut;
+        let u = in_cuts(t[j] - lamps.cosine(j, m).max(0.0), cut);
         1.0 - (1.0 - u * u).max(0.0).powi(3)
     };
     (0..lamps.len()).map(|j| lamps.share[j] * rho(j)).sum()

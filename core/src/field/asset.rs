@@ -23,7 +23,7 @@ const HASH_CHUNK: u64 = 16 << 20;
 #[derive(Debug)]
 pub struct Asset {
     manifest: Manifest,
-    domain: Directions,
+    domain: Arc<Directions>,
     dense: Dense,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
@@ -66,7 +66,7 @@ impl Asset {
             entry.map(|entry| Ok(Picture::new(entry, open.array(entry, "<f4", &[h, w, 3], 4)?))).transpose()
         };
         let (normals, albedo) = (picture("normals")?, picture("albedo")?);
-        Ok(Self { manifest, domain, dense, ambient, alpha, normals, albedo, entries, store })
+        Ok(Self { manifest, domain: Arc::new(domain), dense, ambient, alpha, normals, albedo, entries, store })
     }
 
     /// Where it lies.
@@ -95,7 +95,7 @@ impl Asset {
     }
 
     /// The lamps.
-    pub fn domain(&self) -> &Directions {
+    pub fn domain(&self) -> &Arc<Directions> {
         &self.domain
     }
 

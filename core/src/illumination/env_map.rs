@@ -90,12 +90,16 @@ impl EnvMap {
     /// covers, weighted by solid angle; energy is kept to rounding. A map that is small enough is borrowed.
     pub fn reduced(&self, widest: usize) -> Cow<'_, Self> {
         let (w, h) = self.image.size();
-        let (new_w, new_h) = (w.min(widest), h.min((widest / 2).max(1)));
+        self.averaged((w.min(widest), h.min((widest / 2).max(1))))
+    }
+
+    /// The map averaged down to a size, as [`EnvMap::reduced`] does; the map itself where it has that size.
+    pub fn averaged(&self, (new_w, new_h): (usize, usize)) -> Cow<'_, Self> {
+        let (w, h) = self.image.size();
         if (new_w, new_h) == (w, h) {
             return Cow::Borrowed(self);
         }
-        let columns = overlaps(w, new_w, |u| u / w as f64);
-        let rows = overlaps(h, new_h, |v| -latlong::band_solid_angle(v, h as f64, h));
+        let (columns, rows) = reduction((w, h), (new_w, new_h));
         let mean = |i: usize, j: usize| {
             let mut sum = [0.0f64; 3];
             for &(y, row_share) in &rows[j] {
@@ -110,6 +114,26 @@ impl EnvMap {
             (0..new_h).into_par_iter().map(|j| (0..new_w).map(|i| mean(i, j)).collect()).collect();
         let image = Image::from_fn(new_w, new_h, |i, j| rows[j][i]);
         Cow::Owned(Self { image })
+    }
+
+    /// The adjoint of [`EnvMap::averaged`] for one channel: numbers of an averaged map of size `from`, each spread over the
+    /// texels of a map of size `to` that were averaged into it.
+    pub fn spread(numbers: &[f64], from: (usize, usize), to: (usize, usize)) -> Vec<f64> {
+        if from == to {
+            return numbers.to_vec();
+        }
+        let (columns, rows) = reduction(to, from);
+        let mut texels = vec![0.0; to.0 * to.1];
+        for (j, row) in rows.iter().enumerate() {
+            for &(y, row_share) in row {
+                for (i, column) in columns.iter().enumerate() {
+                    for &(x, column_share) in column {
+                        texels[y * to.0 + x] += row_share * column_share * numbers[j * from.0 + i];
+                    }
+                }
+            }
+        }
+        texels
     }
 
     /// The map in the stage frame: its centre column put where `centre` says, then turned by `heading_deg` about +y,
@@ -131,9 +155,19 @@ impl EnvMap {
     }
 }
 
+/// One of the old parts that a new one is made of, and its share.
+type Overlap = (usize, f64);
+
+/// How the texels of a map of size `from` average into those of size `to`: for columns, and, by solid angle, for rows.
+fn reduction(from: (usize, usize), to: (usize, usize)) -> (Vec<Vec<Overlap>>, Vec<Vec<Overlap>>) {
+    let columns = overlaps(from.0, to.0, |u| u / from.0 as f64);
+    let rows = overlaps(from.1, to.1, |v| -latlong::band_solid_angle(v, from.1 as f64, from.1));
+    (columns, rows)
+}
+
 /// For each of `new` equal parts of 0..`old`: the old parts it overlaps, and their shares of it, which sum to one.
 /// `measure(position)` grows with the size of what lies before a position.
-fn overlaps(old: usize, new: usize, measure: impl Fn(f64) -> f64) -> Vec<Vec<(usize, f64)>> {
+fn overlaps(old: usize, new: usize, measure: impl Fn(f64) -> f64) -> Vec<Vec<Overlap>> {
     let edge = |n: usize| n as f64 * old as f64 / new as f64;
     let part = |n: usize| {
         let (start, end) = (edge(n), edge(n + 1));

@@ -1,7 +1,10 @@
 //! The light: what a user calls an environment.
 //!
-//! A file or a host's picture becomes an [`EnvMap`] in the stage frame; reconstruction turns it into weights.
+//! A file or a host's picture becomes an [`EnvMap`] in the stage frame, lamps become [`Beam`]s; reconstruction turns
+//! either into weights.
 
+mod beam;
 mod env_map;
 
+pub use beam::Beam;
 pub use env_map::{EnvMap, MapCentre};

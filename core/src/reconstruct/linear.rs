@@ -5,10 +5,12 @@
 //! Between the rim of the triangulation and the end of the coverage, a direction takes the value of the nearest point of
 //! the rim, so the kernels stay continuous and sum to one.
 
+use std::sync::Arc;
+
 use nalgebra::Matrix3;
 
+use super::basis::Basis;
 use super::delaunay::{Delaunay, NONE};
-use super::{Kernel, Stencil};
 use crate::domain::Directions;
 use crate::math::Vec3;
 
@@ -17,17 +19,17 @@ const EDGE_TOLERANCE: f64 = 1e-12;
 
 /// Hat kernels over the spherical Delaunay triangulation.
 #[derive(Debug)]
-pub struct Linear<'a> {
-    domain: &'a Directions,
+pub(super) struct Linear {
+    domain: Arc<Directions>,
     mesh: Delaunay,
     /// For each triangle the inverse of the matrix with its corners as columns.
     inverses: Vec<Matrix3<f64>>,
 }
 
-impl<'a> Linear<'a> {
+impl Linear {
     /// Triangulates a set of lamps. Time is about n log n.
-    pub fn new(domain: &'a Directions) -> Self {
-        let mesh = Delaunay::new(domain);
+    pub fn new(domain: Arc<Directions>) -> Self {
+        let mesh = Delaunay::new(&domain);
         let corners = |t: &[u32; 3]| Matrix3::from_columns(&t.map(|n| domain.sites()[n as usize]));
         // Degenerate triangles were left out, so every inverse exists.
         let inverses = mesh.triangles.iter().map(|t| corners(t).try_inverse().unwrap_or_default()).collect();
@@ -35,6 +37,7 @@ impl<'a> Linear<'a> {
     }
 
     /// Spherical triangles, as triples of site numbers, counter-clockwise seen from outside.
+    #[cfg(test)]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.mesh.triangles
     }
@@ -57,11 +60,12 @@ impl<'a> Linear<'a> {
         None
     }
 
-    /// The nearest point of the rim.
-    fn on_rim(&self, direction: &Vec3, nearest: usize) -> Stencil {
+    /// The nearest point of the rim, as shares of its ends, and the number of its region.
+    fn on_rim(&self, direction: &Vec3, nearest: usize, values: &mut Vec<(u32, f64)>) -> u32 {
         let sites = self.domain.sites();
-        let mut best = (direction.dot(&sites[nearest]), Stencil::one(nearest, NONE - 1));
-        for (edge, &[a, b]) in (0..).zip(&self.mesh.rim) {
+        let mut closest = direction.dot(&sites[nearest]);
+        let mut found = None;
+        for (number, &[a, b]) in (0..).zip(&self.mesh.rim) {
             let (p, q) = (sites[a as usize], sites[b as usize]);
             // Solve for the point of the great circle nearest to w: w's projection on the plane of p and q.
             let cos = p.dot(&q);
@@ -69,30 +73,42 @@ impl<'a> Linear<'a> {
             let sin2 = 1.0 - cos * cos;
             let (s, t) = ((wp - cos * wq) / sin2, (wq - cos * wp) / sin2);
             let closeness = (p * s + q * t).norm();
-            if s > 0.0 && t > 0.0 && closeness > best.0 {
-                let share = t / (s + t);
-                let region = self.mesh.triangles.len() as u32 + edge;
-                best = (closeness, Stencil { sites: [a, b, b], shares: [1.0 - share, share, 0.0], region });
+            if s > 0.0 && t > 0.0 && closeness > closest {
+                closest = closeness;
+                found = Some(([a, b], t / (s + t), number));
             }
         }
-        best.1
+        let first_edge = self.mesh.triangles.len() as u32;
+        match found {
+            Some(([a, b], share, number)) => {
+                values.extend([(a, 1.0 - share), (b, share)]);
+                first_edge + number
+            }
+            None => {
+                values.push((nearest as u32, 1.0));
+                first_edge + self.mesh.rim.len() as u32
+            }
+        }
     }
 }
 
-impl Kernel for Linear<'_> {
-    fn at(&self, direction: &Vec3) -> Stencil {
-        let nearest = self.domain.nearest_site(direction);
-        match self.locate(direction, nearest) {
-            Some((triangle, b)) => {
-                let b = b.map(|share| share.max(0.0));
-                let shares = (b / b.sum()).into();
-                Stencil { sites: self.mesh.triangles[triangle as usize], shares, region: triangle }
-            }
-            None => self.on_rim(direction, nearest),
-        }
+impl Basis for Linear {
+    fn len(&self) -> usize {
+        self.domain.sites().len()
     }
 
-    /// The kernel is continuous and only bends where triangles meet.
+    fn at(&self, direction: &Vec3, values: &mut Vec<(u32, f64)>) -> u32 {
+        let nearest = self.domain.nearest_site(direction);
+        let Some((triangle, b)) = self.locate(direction, nearest) else {
+            return self.on_rim(direction, nearest, values);
+        };
+        let b = b.map(|share| share.max(0.0));
+        let sum = b.sum();
+        values.extend(self.mesh.triangles[triangle as usize].iter().zip(&b).map(|(&site, share)| (site, share / sum)));
+        triangle
+    }
+
+    /// The function is continuous and only bends where triangles meet.
     fn refinement(&self) -> usize {
         4
     }

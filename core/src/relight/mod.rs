@@ -7,10 +7,12 @@
 //! |---|---|
 //! | `kernels` | block x weights -> 128 sums: the plain loop, and SIMD chosen at run time |
 //! | `apply` | the loop over blocks, on all threads |
-//! | `relighter` | an asset, its cached projections, and a user's look |
+//! | `projections` | maps and beams to weights, with the structures kept |
+//! | `relighter` | an asset, its projections, and a user's look |
 
 mod apply;
 pub mod kernels;
+mod projections;
 mod relighter;
 
 pub use apply::apply;

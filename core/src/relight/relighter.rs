@@ -1,26 +1,26 @@
 //! An asset, its cached projections, and a user's look.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
+use super::projections::Projections;
 use super::{Weights, apply};
 use crate::error::{Error, Result};
 use crate::field::Asset;
-use crate::illumination::{EnvMap, MapCentre};
+use crate::illumination::{Beam, EnvMap, MapCentre};
 use crate::image::{Image, Window};
-use crate::reconstruct::{Method, Operator, Outside};
+use crate::math::rotate_heading;
+use crate::reconstruct::{Method, Outside};
 
 /// Maps wider than this are averaged down before projection: 0.18 degrees a texel is far below any rig's cell, and the
 /// operator of a larger map would take hundreds of megabytes. Whoever keeps a map for many pictures may [reduce](EnvMap::reduced) it
 /// to this once.
 pub const WIDEST_MAP: usize = 2048;
-/// Projections kept. A user switches between two methods and two maps.
-const KEPT_OPERATORS: usize = 4;
 
 /// The light of a picture.
 #[derive(Debug, Clone, Copy)]
 pub enum Light<'a> {
     /// A lat-long map.
     Map(&'a EnvMap),
+    /// Beams in the stage frame: the heading of the look turns them as it turns a map.
+    Beams(&'a [Beam]),
     /// Captured lamp N, counted from 1, at the intensity of the capture.
     Lamp(usize),
 }
@@ -55,21 +55,28 @@ impl Default for Look {
     }
 }
 
-/// What an operator depends on, beside the asset.
-type Key = (Method, Outside, usize, usize);
-
 /// An asset with what relighting keeps between frames. Share it behind an `Arc`; all methods take `&self`.
 #[derive(Debug)]
 pub struct Relighter {
     asset: Asset,
-    /// Most recently used first.
-    operators: Mutex<Vec<(Key, Arc<Operator>)>>,
+    projections: Projections,
 }
 
 impl Relighter {
     /// Takes an open asset.
     pub fn new(asset: Asset) -> Self {
-        Self { asset, operators: Mutex::default() }
+        let projections = Projections::new(asset.domain().clone());
+        Self { asset, projections }
+    }
+
+    /// Takes an open asset and leaves some lamps (numbers from 1) out: the reconstruction works around them. A left-out
+    /// lamp can still be lit by itself.
+    ///
+    /// # Errors
+    /// A number that no lamp has; no lamp left.
+    pub fn without(asset: Asset, excluded: &[usize]) -> Result<Self> {
+        let projections = Projections::without(asset.domain(), excluded)?;
+        Ok(Self { asset, projections })
     }
 
     /// The asset.
@@ -82,14 +89,16 @@ impl Relighter {
     /// (about a second); later ones take milliseconds.
     ///
     /// # Errors
-    /// A lamp that is not in the set.
+    /// A lamp that is not in the set; a method that the set of lamps does not allow.
     pub fn weights(&self, light: Light<'_>, look: &Look) -> Result<Weights> {
         let exposure = look.exposure_ev.exp2() as f32;
         let mut weights = match light {
             Light::Map(map) => {
                 let map = map.reduced(WIDEST_MAP).oriented(look.centre, look.heading_deg);
-                let (w, h) = map.image().size();
-                Weights { rgb: self.operator((look.method, look.outside, w, h)).downsample(&map) }
+                self.projections.map(&map, look.method, look.outside)?
+            }
+            Light::Beams(beams) => {
+                self.projections.beams(&turned(beams, look.heading_deg), look.method, look.outside)?
             }
             Light::Lamp(number) => self.lamp(number)?,
         };
@@ -106,26 +115,6 @@ impl Relighter {
         let mut weights = Weights::dark(irradiance.len());
         weights.rgb[number - 1] = [e; 3];
         Ok(weights)
-    }
-
-    /// The projection for a key, built on first use. Two threads that miss at once both build it; the result is the same.
-    fn operator(&self, key: Key) -> Arc<Operator> {
-        let take = |kept: &mut Vec<(Key, Arc<Operator>)>| {
-            let at = kept.iter().position(|entry| entry.0 == key)?;
-            kept[..=at].rotate_right(1);
-            Some(kept[0].1.clone())
-        };
-        // A poisoned lock only means that another thread panicked between two harmless steps.
-        let lock = || self.operators.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(found) = take(&mut lock()) {
-            return found;
-        }
-        let (method, outside, w, h) = key;
-        let built = Arc::new(Operator::new(self.asset.domain(), method, outside, w, h));
-        let mut kept = lock();
-        kept.insert(0, (key, built.clone()));
-        kept.truncate(KEPT_OPERATORS);
-        built
     }
 
     /// The element `T L + g S`, RGBA premultiplied (alpha 1 where the asset has none), of the window alone: the picture
@@ -166,4 +155,10 @@ impl Relighter {
         }
         element
     }
+}
+
+/// Beams turned about +y, right-handed.
+fn turned(beams: &[Beam], heading_deg: f64) -> Vec<Beam> {
+    let turn = |beam: &Beam| Beam { direction: rotate_heading(&beam.direction, heading_deg.to_radians()), ..*beam };
+    beams.iter().map(turn).collect()
 }

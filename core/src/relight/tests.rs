@@ -1,6 +1,7 @@
 //! Relighting: linear, additive, the same by windows and by threads, and from the right side.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use rand::{RngExt, SeedableRng};
 
@@ -11,7 +12,7 @@ use crate::field::{Access, Asset, Contents, Precision, write};
 use crate::illumination::{EnvMap, MapCentre};
 use crate::image::{Image, Window};
 use crate::math::Vec3;
-use crate::reconstruct::{Method, Operator, Outside};
+use crate::reconstruct::{Method, Operator, Outside, Reconstruction};
 
 /// Radius of the ball in a picture of 40 x 40.
 const RADIUS: f64 = 18.0;
@@ -149,7 +150,9 @@ fn a_white_furnace_is_white() {
         let total: f64 = weights.rgb.iter().map(|w| f64::from(w[0])).sum();
         let covered = scene.relighter.asset().domain().covered_solid_angle();
         assert!((total / covered - 1.0).abs() < 1e-4, "{method:?}: {total} of {covered}");
-        let omega = Operator::new(scene.relighter.asset().domain(), method, Outside::Drop, 64, 32).solid_angles();
+        let domain = scene.relighter.asset().domain().clone();
+        let reconstruction = Arc::new(Reconstruction::new(domain, method).unwrap());
+        let omega = Operator::new(reconstruction, Outside::Drop, 64, 32).solid_angles();
         assert!(omega.iter().zip(&weights.rgb).all(|(o, w)| (o / f64::from(w[2]) - 1.0).abs() < 1e-4));
         let centre = scene.picture(Light::Map(&white), &look).pixel(20, 20)[0];
         assert!((centre - 1.0).abs() < 0.01, "{method:?}: {centre}");

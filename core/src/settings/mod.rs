@@ -127,7 +127,7 @@ pub const RELIGHT: &[Setting] =
 
 /// The method of an option of [`RECONSTRUCTION`].
 pub fn method(option: usize) -> Method {
-    [Method::ZeroOrder, Method::Linear].get(option).copied().unwrap_or_default()
+    Method::ALL.get(option).copied().unwrap_or_default()
 }
 
 /// The meaning of an option of [`MAP_CENTRE`].
