@@ -4,7 +4,9 @@
 //! chooses the exit code: 0, 1 bad input, 2 usage, 130 stopped with Ctrl-C.
 
 mod commands;
+mod drawing;
 mod progress;
+mod projection;
 mod session;
 mod sheet;
 

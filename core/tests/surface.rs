@@ -128,13 +128,20 @@ fn print(name: &str, e: &Errors) {
 fn a_diffuse_sphere() {
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene { objects: vec![ball(Material::Diffuse { albedo: [0.6, 0.4, 0.2] })] };
-    for (name, lamps) in [("dome", dome(120)), ("arc", Directions::new(demo_lamps(120)).unwrap()), ("dome of 24", dome(24))] {
+    for (name, lamps) in
+        [("dome", dome(120)), ("arc", Directions::new(demo_lamps(120)).unwrap()), ("dome of 24", dome(24))]
+    {
         let asset = photograph(&scene, &lamps, &folder.path().join("a.rfield"));
         let e = errors(&asset);
         print(name, &e);
         let found = surface(&asset, &mut |_, _| Ok(())).unwrap();
         let (x, y) = (CAMERA.width / 2, CAMERA.height / 2 - 6);
-        println!("albedo {:?} normal {:?} truth {:?}", found.albedo.pixel(x, y), found.normals.pixel(x, y), truth(x, y));
+        println!(
+            "albedo {:?} normal {:?} truth {:?}",
+            found.albedo.pixel(x, y),
+            found.normals.pixel(x, y),
+            truth(x, y)
+        );
     }
 }
 

@@ -1,10 +1,14 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
+mod calibrate;
 mod compare;
 mod demo;
 mod import;
 mod info;
+mod inspect;
+mod layer;
 mod relight;
+mod surface;
 mod values;
 mod verify;
 
@@ -20,6 +24,13 @@ pub enum Command {
     Import(import::Source),
     /// Light a captured object anew.
     Relight(relight::Arguments),
+    /// Find normals and albedo, and store them as layers.
+    Surface(surface::Arguments),
+    /// Draw the reflectance functions of some pixels, as sampled and as reconstructed.
+    Inspect(inspect::Arguments),
+    /// Measure what a rig must know: white, lamps that failed.
+    #[command(subcommand)]
+    Calibrate(calibrate::Subject),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -38,6 +49,9 @@ impl Command {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Relight(arguments) => arguments.run(),
+            Command::Surface(arguments) => arguments.run(),
+            Command::Inspect(arguments) => arguments.run(),
+            Command::Calibrate(subject) => subject.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),

@@ -12,6 +12,7 @@ use relume_core::reconstruct::Outside;
 use relume_core::relight::{Light, Look, Relighter, Weights};
 use relume_core::settings;
 
+use super::layer::LayerChoice;
 use super::{note, values};
 use crate::progress::{self, Progress, Unit};
 
@@ -19,7 +20,8 @@ const EXAMPLES: &str = "\
 Examples:
   relume relight vase.rfield --env park.hdr -o vase.exr
   relume relight vase.rfield --env park.exr --rotate -90 --exposure -1.5 --outside nearest -o vase.png
-  relume relight vase.rfield --lamp 17 -o lamp17.exr";
+  relume relight vase.rfield --lamp 17 -o lamp17.exr
+  relume relight vase.rfield --layer normals -o normals.exr";
 
 /// About how much of the field is streamed between two looks at Ctrl-C.
 const BAND_BYTES: usize = 256 << 20;
@@ -74,6 +76,11 @@ struct LightArguments {
     /// Lights one captured lamp, counted from 1, as it was photographed.
     #[arg(long, value_name = "N")]
     lamp: Option<usize>,
+    /// In place of a light: a layer of the asset as it is. Normals are in the stage frame (+x right, +y up, +z to the camera);
+    /// .png and .jpg, which hold nothing below zero, get (n + 1) / 2.
+    #[arg(long, value_enum, value_name = "LAYER",
+          conflicts_with_all = ["reconstruct", "rotate", "map_centre", "outside", "exposure", "ambient"])]
+    layer: Option<LayerChoice>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -87,6 +94,7 @@ enum AccessChoice {
 enum LightPlan {
     Map(PathBuf),
     Lamp(usize),
+    Layer(LayerChoice),
 }
 
 /// Checked flags.
@@ -108,10 +116,11 @@ impl Arguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.output)?;
-        let light = match (self.light.env, self.light.lamp) {
-            (Some(map), None) => LightPlan::Map(map),
-            (None, Some(number)) => LightPlan::Lamp(number),
-            _ => anyhow::bail!("give one light: --env MAP or --lamp N"),
+        let light = match (self.light.env, self.light.lamp, self.light.layer) {
+            (Some(map), None, None) => LightPlan::Map(map),
+            (None, Some(number), None) => LightPlan::Lamp(number),
+            (None, None, Some(layer)) => LightPlan::Layer(layer),
+            _ => anyhow::bail!("give one light: --env MAP or --lamp N, or a --layer"),
         };
         let look = Look {
             method: settings::method(self.reconstruct),
@@ -131,7 +140,11 @@ impl Arguments {
 
 impl Plan {
     fn carry_out(&self) -> anyhow::Result<String> {
-        let relighter = Relighter::new(Asset::open(&self.asset, self.access)?);
+        let asset = Asset::open(&self.asset, self.access)?;
+        if let LightPlan::Layer(layer) = self.light {
+            return layer.write(&asset, &self.output);
+        }
+        let relighter = Relighter::new(asset);
         if self.look.ambient != 0.0 && relighter.asset().ambient().is_none() {
             note(&format!("{} has no ambient picture: --ambient adds nothing", self.asset.display()));
         }
@@ -149,6 +162,7 @@ impl Plan {
     fn weights(&self, relighter: &Relighter) -> anyhow::Result<Weights> {
         match &self.light {
             LightPlan::Lamp(number) => Ok(relighter.weights(Light::Lamp(*number), &self.look)?),
+            LightPlan::Layer(_) => anyhow::bail!("a layer has no light"),
             LightPlan::Map(path) => {
                 let map = EnvMap::load(path).context("cannot use the environment map")?;
                 let weights = relighter.weights(Light::Map(&map), &self.look)?;

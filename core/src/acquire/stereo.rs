@@ -65,7 +65,8 @@ impl Lamps {
     pub fn new(directions: impl ExactSizeIterator<Item = Vector3<f32>>, shares: &[f32]) -> Self {
         let count = directions.len();
         let padded = count.next_multiple_of(LANES);
-        let mut lamps = Self { count, x: vec![0.0; padded], y: vec![0.0; padded], z: vec![0.0; padded], share: vec![0.0; padded] };
+        let mut lamps =
+            Self { count, x: vec![0.0; padded], y: vec![0.0; padded], z: vec![0.0; padded], share: vec![0.0; padded] };
         let total: f32 = shares.iter().sum();
         for (j, (d, share)) in directions.zip(shares).enumerate() {
             (lamps.x[j], lamps.y[j], lamps.z[j], lamps.share[j]) = (d.x, d.y, d.z, share / total);
@@ -165,7 +166,8 @@ impl Estimator {
         let (m, cut) = self.polish(grey, start, level, residuals)?;
         self.judge(grey, &m, cut)?;
         let normal = m.normalize();
-        (f64::from(normal.z) > LEAST_FACING).then(|| Facet { normal: normal.into(), albedo: self.albedo(rgb, grey, &m, cut) })
+        (f64::from(normal.z) > LEAST_FACING)
+            .then(|| Facet { normal: normal.into(), albedo: self.albedo(rgb, grey, &m, cut) })
     }
 
     /// Projects the three channels onto the pixel's mean colour: the best single number under equal noise.
@@ -211,7 +213,13 @@ impl Estimator {
     }
 
     /// Reweights on all lamps, with the cut following the deviation of those that should be lit.
-    fn polish(&self, t: &[f32], start: Vector3<f32>, level: f32, residuals: &mut Vec<f32>) -> Option<(Vector3<f32>, f32)> {
+    fn polish(
+        &self,
+        t: &[f32],
+        start: Vector3<f32>,
+        level: f32,
+        residuals: &mut Vec<f32>,
+    ) -> Option<(Vector3<f32>, f32)> {
         let (mut m, mut cut) = (start, SEARCH_CUT * level);
         for _ in 0..FINAL_STEPS {
             residuals.clear();
@@ -308,7 +316,8 @@ fn reweighted(lamps: &Lamps, t: &[f32], m: &Vector3<f32>, cut: f32) -> Normal {
             let p = x[k] * m.x + y[k] * m.y + z[k] * m.z;
             let w = if p > 0.0 { share[k] * biweight(t[k] - p, cut) } else { 0.0 };
             let (wx, wy, wz) = (w * x[k], w * y[k], w * z[k]);
-            let terms = [wx * x[k], wx * y[k], wx * z[k], wy * y[k], wy * z[k], wz * z[k], wx * t[k], wy * t[k], wz * t[k]];
+            let terms =
+                [wx * x[k], wx * y[k], wx * z[k], wy * y[k], wy * z[k], wz * z[k], wx * t[k], wy * t[k], wz * t[k]];
             for (sum, term) in sums.iter_mut().zip(terms) {
                 sum[k] += term;
             }

@@ -82,7 +82,10 @@ fn estimator(domain: &Directions) -> std::result::Result<Estimator, Complaint> {
     let third = gram.trace() / 3.0;
     // A plane to within a degree or so: the smallest eigenvalue is about the mean squared distance from it.
     if gram.determinant() < 1e-4 * third.powi(3) {
-        return Err(("lamps that lie in one plane with the object".to_owned(), "lamps that surround it from the front"));
+        return Err((
+            "lamps that lie in one plane with the object".to_owned(),
+            "lamps that surround it from the front",
+        ));
     }
     let directions = domain.lamps().iter().map(|d| d.cast::<f32>());
     let all = Lamps::new(directions, &shares(domain));

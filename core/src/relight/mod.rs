@@ -9,13 +9,16 @@
 //! | `apply` | the loop over blocks, on all threads |
 //! | `projections` | maps and beams to weights, with the structures kept |
 //! | `relighter` | an asset, its projections, and a user's look |
+//! | `layers` | pictures that no light makes: coverage, normals, albedo, ambient |
 
 mod apply;
 pub mod kernels;
+mod layers;
 mod projections;
 mod relighter;
 
 pub use apply::apply;
+pub use layers::{Layer, displayed_normals};
 pub use relighter::{Light, Look, Relighter, WIDEST_MAP};
 
 /// Weights of every element, RGB, for one picture: solid angle, exposure and colour of the light included.
