@@ -26,7 +26,10 @@ const BANDS: [(f64, f64); 6] = [(0.5, 0.9), (0.35, 0.75), (0.65, 0.85), (0.25, 0
 const SEARCH_CUT: f32 = 0.2;
 /// Highlights and light from neighbours only ever add: an answer that is too high is given up at this share of the cut. The skirt of a
 /// highlight pulls the normal towards it long before it stands out.
-const ABOVE: f32 = 0.5;
+const ABOVE: f32 = 0.4;
+/// Lamps count in full from this cosine on, and in proportion to it below: towards grazing light materials depart from Lambert's law
+/// (a coat reflects more and lets less in), and neighbours shadow.
+const GRAZING: f32 = 0.6;
 /// Reweightings of each start, and of the best one.
 const SEARCH_STEPS: usize = 4;
 const FINAL_STEPS: usize = 10;
@@ -309,12 +312,13 @@ fn plain(lamps: &Lamps, t: &[f32], which: impl Iterator<Item = usize>) -> Normal
 /// One step of reweighting: the lamps that light a surface `m`, each by its share and the biweight of its residual.
 fn reweighted(lamps: &Lamps, t: &[f32], m: &Vector3<f32>, cut: f32) -> Normal {
     let mut sums = [[0.0f32; LANES]; 9];
+    let full = 1.0 / (GRAZING * m.norm());
     for at in (0..lamps.padded()).step_by(LANES) {
         let lanes = |v: &[f32]| -> [f32; LANES] { std::array::from_fn(|k| v[at + k]) };
         let (x, y, z, share, t) = (lanes(&lamps.x), lanes(&lamps.y), lanes(&lamps.z), lanes(&lamps.share), lanes(t));
         for k in 0..LANES {
             let p = x[k] * m.x + y[k] * m.y + z[k] * m.z;
-            let w = if p > 0.0 { share[k] * biweight(t[k] - p, cut) } else { 0.0 };
+            let w = if p > 0.0 { share[k] * (p * full).min(1.0) * biweight(t[k] - p, cut) } else { 0.0 };
             let (wx, wy, wz) = (w * x[k], w * y[k], w * z[k]);
             let terms =
                 [wx * x[k], wx * y[k], wx * z[k], wy * y[k], wy * z[k], wz * z[k], wx * t[k], wy * t[k], wz * t[k]];
@@ -334,4 +338,86 @@ fn cost(lamps: &Lamps, t: &[f32], m: &Vector3<f32>, cut: f32) -> f32 {
         1.0 - (1.0 - u * u).max(0.0).powi(3)
     };
     (0..lamps.len()).map(|j| lamps.share[j] * rho(j)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A ring of lamps 40 degrees off the axis, and one on it.
+    fn estimator(count: usize) -> Estimator {
+        let (s, c) = 40f32.to_radians().sin_cos();
+        let lamp = |i: usize| match i {
+            0 => Vector3::z(),
+            i => {
+                let turn = std::f32::consts::TAU * i as f32 / (count - 1) as f32;
+                Vector3::new(s * turn.cos(), s * turn.sin(), c)
+            }
+        };
+        let lamps = Lamps::new((0..count).map(lamp), &vec![1.0; count]);
+        Estimator::new(lamps, (0..count as u32).collect())
+    }
+
+    /// What a Lambert surface answers.
+    fn answers(estimator: &Estimator, normal: &Vector3<f32>, albedo: [f32; 3]) -> [Vec<f32>; 3] {
+        let lambert = |a: f32| {
+            (0..estimator.padded())
+                .map(|j| a / std::f32::consts::PI * estimator.all.cosine(j, normal).max(0.0))
+                .collect()
+        };
+        albedo.map(lambert)
+    }
+
+    fn facet(estimator: &Estimator, answers: &[Vec<f32>; 3]) -> Option<Facet> {
+        estimator.facet(std::array::from_fn(|c| &answers[c][..]), &mut Room::default())
+    }
+
+    fn error_deg(facet: &Facet, normal: &Vector3<f32>) -> f32 {
+        Vector3::from(facet.normal).angle(normal).to_degrees()
+    }
+
+    #[test]
+    fn lambert_is_met_exactly_from_four_lamps_up() {
+        let albedo = [0.6, 0.3, 0.9];
+        for count in [4, 5, 9, 12, 40, 203] {
+            let estimator = estimator(count);
+            for normal in [Vector3::z(), Vector3::new(0.2, -0.3, 0.9).normalize()] {
+                let found = facet(&estimator, &answers(&estimator, &normal, albedo)).unwrap();
+                assert!(error_deg(&found, &normal) < 0.05, "{count} lamps: {found:?}");
+                assert!(found.albedo.iter().zip(albedo).all(|(a, b)| (a - b).abs() < 1e-3), "{count} lamps: {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn shadows_and_highlights_change_nothing() {
+        let normal = Vector3::new(0.2, -0.3, 0.9).normalize();
+        for (count, dark, bright) in [(6, 1, 0), (8, 1, 1), (24, 8, 3), (100, 45, 10)] {
+            let estimator = estimator(count);
+            let mut t = answers(&estimator, &normal, [0.5; 3]);
+            for channel in &mut t {
+                channel[1..=dark].fill(0.0);
+                channel[count - bright..count].iter_mut().for_each(|v| *v += 2.0);
+            }
+            let found = facet(&estimator, &t).unwrap();
+            assert!(error_deg(&found, &normal) < 0.5, "{count} lamps: {} degrees", error_deg(&found, &normal));
+            assert!((found.albedo[1] - 0.5).abs() < 0.01, "{count} lamps: {found:?}");
+        }
+    }
+
+    #[test]
+    fn what_determines_no_surface_has_none() {
+        let estimator = estimator(12);
+        let dark = [vec![0.0; 16], vec![0.0; 16], vec![0.0; 16]];
+        assert_eq!(facet(&estimator, &dark), None);
+        // A mirror: one lamp alone.
+        let mut mirror = dark.clone();
+        mirror.iter_mut().for_each(|channel| channel[3] = 9.0);
+        assert_eq!(facet(&estimator, &mirror), None);
+        // Two lit lamps.
+        mirror.iter_mut().for_each(|channel| channel[7] = 9.0);
+        assert_eq!(facet(&estimator, &mirror), None);
+        let negative = dark.map(|channel| channel.iter().map(|_| -0.1).collect());
+        assert_eq!(facet(&estimator, &negative), None);
+    }
 }

@@ -80,3 +80,24 @@ pub fn displayed_normals(picture: &mut Image) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_are_shown_as_normal_maps_have_them() {
+        // Premultiplied: half covered, and not at all.
+        let mut picture =
+            Image::from_data(3, 1, 4, vec![0.6, -0.8, 0.0, 1.0, 0.0, -0.4, 0.3, 0.5, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        displayed_normals(&mut picture);
+        let code = |x: usize, c: usize| {
+            let pixel = picture.pixel(x, 0);
+            srgb::encode(pixel[c] / pixel[3])
+        };
+        for (x, c, n) in [(0, 0, 0.6), (0, 1, -0.8), (0, 2, 0.0), (1, 0, 0.0), (1, 1, -0.8), (1, 2, 0.6)] {
+            assert!((code(x, c) - (n + 1.0) / 2.0).abs() < 1e-5, "pixel {x}, channel {c}: {}", code(x, c));
+        }
+        assert_eq!(picture.pixel(2, 0), [0.0; 4]);
+    }
+}

@@ -1,12 +1,11 @@
 //! Normals and albedo of rendered spheres against the geometry they were rendered from, and against least squares that
 //! rejects nothing.
 
-use std::f64::consts::PI;
 use std::path::Path;
 
 use relume_core::acquire::surface;
 use relume_core::domain::Directions;
-use relume_core::field::{self, Access, Asset, Block, BlockBuffer, Contents, NewLayer, Precision, add_layers};
+use relume_core::field::{self, Access, Asset, Block, BlockBuffer, Contents, Precision};
 use relume_core::math::{Vec3, angle_between};
 use relume_core::simulate::{Camera, Material, Object, Quality, Scene, Shape, Stage, V3, demo_lamps};
 
@@ -112,39 +111,32 @@ fn at(sorted: &[f64], share: f64) -> f64 {
     sorted[((sorted.len() - 1) as f64 * share) as usize]
 }
 
-fn print(name: &str, e: &Errors) {
-    println!(
-        "{name}: {} of {} pixels; robust median {:.3}, 95 % {:.3}; plain median {:.3}, 95 % {:.3} degrees",
-        e.robust.len(),
-        e.pixels,
-        at(&e.robust, 0.5),
-        at(&e.robust, 0.95),
-        at(&e.plain, 0.5),
-        at(&e.plain, 0.95)
-    );
-}
-
 #[test]
-fn a_diffuse_sphere() {
+fn a_diffuse_sphere_is_met() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = Scene { objects: vec![ball(Material::Diffuse { albedo: [0.6, 0.4, 0.2] })] };
-    for (name, lamps) in
-        [("dome", dome(120)), ("arc", Directions::new(demo_lamps(120)).unwrap()), ("dome of 24", dome(24))]
-    {
+    let albedo = [0.6, 0.4, 0.2];
+    let scene = Scene { objects: vec![ball(Material::Diffuse { albedo })] };
+    // Medians found: 0.3, 0.4 and 1.0 degrees. Lamps fill their cells here, which are 12 and 26 degrees wide.
+    for (name, lamps, limit) in [
+        ("dome", dome(120), 0.6),
+        ("arc", Directions::new(demo_lamps(120)).unwrap(), 0.7),
+        ("dome of 24", dome(24), 1.5),
+    ] {
         let asset = photograph(&scene, &lamps, &folder.path().join("a.rfield"));
-        let e = errors(&asset);
-        print(name, &e);
+        let errors = errors(&asset);
+        let median = at(&errors.robust, 0.5);
+        assert!(median < limit, "{name}: median {median} degrees");
+        assert!(errors.robust.len() * 20 > errors.pixels * 19, "{name}: {} of {}", errors.robust.len(), errors.pixels);
         let found = surface(&asset, &mut |_, _| Ok(())).unwrap();
-        let (x, y) = (CAMERA.width / 2, CAMERA.height / 2 - 6);
-        println!(
-            "albedo {:?} normal {:?} truth {:?}",
-            found.albedo.pixel(x, y),
-            found.normals.pixel(x, y),
-            truth(x, y)
-        );
+        let middle = found.albedo.pixel(CAMERA.width / 2, CAMERA.height / 2);
+        assert!(middle.iter().zip(albedo).all(|(a, b)| (a / b - 1.0).abs() < 0.05), "{name}: {middle:?}");
+        assert_eq!(found.normals.pixel(0, 0), [0.0; 3], "nothing is there");
+        assert_eq!(found.albedo.pixel(0, 0), [0.0; 3], "nothing is there");
     }
 }
 
+/// What is plainly worse without rejection: the gloss's base is no Lambert surface either (its coat lets less in at grazing
+/// angles), which leaves two degrees.
 #[test]
 fn highlights_and_cast_shadows_are_rejected() {
     let folder = tempfile::tempdir().unwrap();
@@ -155,13 +147,33 @@ fn highlights_and_cast_shadows_are_rejected() {
         material: Material::Diffuse { albedo: [0.02; 3] },
     };
     let diffuse = Material::Diffuse { albedo: [0.5; 3] };
-    for (name, objects) in [
-        ("glossy", vec![ball(gloss)]),
-        ("shadowed", vec![ball(diffuse), post(1.6), post(-1.6)]),
-        ("both", vec![ball(gloss), post(1.6), post(-1.6)]),
-        ("metal", vec![ball(Material::RoughMetal { f0: [0.96, 0.74, 0.38], alpha: 0.3 })]),
+    for (name, objects, limits) in [
+        ("glossy", vec![ball(gloss)], (2.5, 4.0)),
+        ("shadowed", vec![ball(diffuse), post(1.6), post(-1.6)], (0.6, 1.5)),
+        ("glossy and shadowed", vec![ball(gloss), post(1.6), post(-1.6)], (2.5, 4.0)),
     ] {
         let asset = photograph(&Scene { objects }, &lamps, &folder.path().join("a.rfield"));
-        print(name, &errors(&asset));
+        let errors = errors(&asset);
+        let (median, most) = (at(&errors.robust, 0.5), at(&errors.robust, 0.95));
+        println!("{name}: {median} {most}, plain {} {}", at(&errors.plain, 0.5), at(&errors.plain, 0.95));
+        assert!(median < limits.0 && most < limits.1, "{name}: median {median}, 95 % within {most} degrees");
+        assert!(at(&errors.plain, 0.5) > 1.5 * median, "{name}: plain median {}", at(&errors.plain, 0.5));
+        assert!(at(&errors.plain, 0.95) > 2.5 * most, "{name}: plain 95 % {}", at(&errors.plain, 0.95));
+        assert!(errors.robust.len() * 20 > errors.pixels * 19, "{name}: {} of {}", errors.robust.len(), errors.pixels);
+    }
+}
+
+#[test]
+fn lamps_that_cannot_tell_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = Scene { objects: vec![ball(Material::Diffuse { albedo: [0.5; 3] })] };
+    let slanted = |a: f64, b: f64| Vec3::new(a, b, 1.0).normalize();
+    for (lamps, words) in [
+        (vec![slanted(0.3, 0.0), slanted(0.0, 0.3), slanted(-0.3, 0.0)], "3 lamp directions"),
+        ((0..6).map(|i| slanted(0.4 * f64::from(i) - 1.0, 0.0)).collect(), "one plane"),
+    ] {
+        let asset = photograph(&scene, &Directions::new(lamps).unwrap(), &folder.path().join("a.rfield"));
+        let message = surface(&asset, &mut |_, _| Ok(())).unwrap_err().to_string();
+        assert!(message.contains(words) && message.contains("a.rfield"), "{message}");
     }
 }
