@@ -3,6 +3,7 @@
 mod cli;
 mod cli_sets;
 mod host_self;
+mod layers;
 mod lights;
 mod look;
 mod photographs;

@@ -1,14 +1,18 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
 mod animate;
+mod calibrate;
 mod compare;
 mod demo;
 mod import;
 mod info;
+mod inspect;
+mod layer;
 mod light_flags;
-mod map;
 mod lightings;
+mod map;
 mod relight;
+mod surface;
 mod values;
 mod verify;
 
@@ -30,6 +34,13 @@ pub enum Command {
     Lightings(lightings::Arguments),
     /// Turn, blur, clamp, tint, expose, convert or resize a lat-long map (tint and exposure in the output's colours).
     Map(map::Arguments),
+    /// Find normals and albedo, and store them as layers.
+    Surface(surface::Arguments),
+    /// Draw the reflectance functions of some pixels, as sampled and as reconstructed.
+    Inspect(inspect::Arguments),
+    /// Measure what a rig must know: white, lamps that failed.
+    #[command(subcommand)]
+    Calibrate(calibrate::Subject),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -51,6 +62,9 @@ impl Command {
             Command::Animate(arguments) => arguments.run(),
             Command::Lightings(arguments) => arguments.run(),
             Command::Map(arguments) => arguments.run(),
+            Command::Surface(arguments) => arguments.run(),
+            Command::Inspect(arguments) => arguments.run(),
+            Command::Calibrate(subject) => subject.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),
