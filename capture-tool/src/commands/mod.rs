@@ -2,6 +2,7 @@
 
 mod compare;
 mod demo;
+mod hdr;
 mod import;
 mod info;
 mod relight;
@@ -18,6 +19,8 @@ pub enum Command {
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
+    /// Merge photographs of different exposures into one picture of linear light.
+    Hdr(hdr::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
     /// Tell what a .rfield file holds.
@@ -37,6 +40,7 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
+            Command::Hdr(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),

@@ -21,7 +21,7 @@ mod stored;
 mod tiff;
 mod write;
 
-pub use read::{Encoding, probe_size, read};
+pub use read::{Encoding, SampleType, probe_size, read, read_codes};
 pub use write::{EncodeOptions, check_output, encode_png8, write};
 
 use crate::error::{Error, Result};
