@@ -4,6 +4,7 @@ mod animate;
 mod calibrate;
 mod compare;
 mod demo;
+mod hdr;
 mod import;
 mod info;
 mod inspect;
@@ -26,6 +27,8 @@ pub enum Command {
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
+    /// Merge photographs of different exposures into one picture of linear light.
+    Hdr(hdr::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
     /// Light a captured object with lights that turn, fade and change: a picture a frame.
@@ -58,6 +61,7 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
+            Command::Hdr(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Animate(arguments) => arguments.run(),
             Command::Lightings(arguments) => arguments.run(),
