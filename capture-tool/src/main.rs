@@ -6,6 +6,7 @@
 mod commands;
 mod drawing;
 mod frames;
+mod new_folder;
 mod progress;
 mod projection;
 mod session;

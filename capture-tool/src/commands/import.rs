@@ -14,7 +14,7 @@ use relume_core::image::{ColourSpace, Encoding};
 use super::info::Info;
 use super::{calibrate, note, surface, values};
 use crate::progress::{Progress, Unit};
-use crate::session;
+use crate::{new_folder, session};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -121,7 +121,7 @@ impl LpArguments {
             files::check_folder(output)?;
         }
         if let Some(folder) = &self.target.session {
-            session::check_target(folder)?;
+            new_folder::check(folder)?;
         }
         let import = ImportLp {
             lp: self.lp,

@@ -4,6 +4,7 @@ mod animate;
 mod calibrate;
 mod compare;
 mod demo;
+mod evaluate;
 mod hdr;
 mod import;
 mod info;
@@ -50,6 +51,9 @@ pub enum Command {
     Verify(verify::Arguments),
     /// Measure how far a picture is from a reference.
     Compare(compare::Arguments),
+    /// Measure methods against each other; the result is a page of pictures and numbers.
+    #[command(subcommand)]
+    Evaluate(evaluate::Subject),
 }
 
 impl Command {
@@ -72,6 +76,7 @@ impl Command {
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),
+            Command::Evaluate(subject) => subject.run(),
         }
     }
 }

@@ -212,7 +212,10 @@ mod tests {
     /// Noiseless codes of a camera whose light is `x = f^-1(z / 255)`.
     fn samples(forward: impl Fn(f64) -> f64, exposures: &[f64]) -> Vec<Sample> {
         let code = |x: f64| (forward(x.min(1.0)) * 255.0).round() as u8;
-        (0..400).map(|i| 1e-4 * 10f64.powf(i as f64 / 80.0)).map(|e| exposures.iter().map(|t| [code(e * t); 3]).collect()).collect()
+        (0..400)
+            .map(|i| 1e-4 * 10f64.powf(i as f64 / 80.0))
+            .map(|e| exposures.iter().map(|t| [code(e * t); 3]).collect())
+            .collect()
     }
 
     const STOPS: [f64; 7] = [0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
@@ -227,7 +230,8 @@ mod tests {
         for (forward, inverse) in curves {
             let found = recover(&samples(forward, &STOPS), &STOPS, [1.0; 3], LAMBDA).unwrap();
             let table = found.response.channel(1);
-            let ev = |z: usize| ((table[z] / table[ANCHOR]) / (inverse(z as f64 / 255.0) / inverse(128.0 / 255.0))).log2();
+            let ev =
+                |z: usize| ((table[z] / table[ANCHOR]) / (inverse(z as f64 / 255.0) / inverse(128.0 / 255.0))).log2();
             let worst = (16..=245).map(|z| ev(z).abs()).fold(0.0, f64::max);
             assert!(worst < 0.02, "{worst} EV");
             assert!(found.report.residual_ev[1] < 0.02, "{:?}", found.report);
