@@ -187,6 +187,8 @@ mod tests {
             irradiance: 2.0,
             precision: Precision::Half,
             lengths: lp::Lengths::Unit,
+            exclude: Vec::new(),
+            correction: None,
         }
     }
 

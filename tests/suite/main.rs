@@ -4,6 +4,7 @@ mod cli;
 mod cli_sets;
 mod evaluate;
 mod host_self;
+mod layers;
 mod lights;
 mod look;
 mod photographs;

@@ -14,8 +14,8 @@ use relume_core::image::{self, EncodeOptions, Image, Window, probe_size};
 use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
 use relume_core::settings::animation::{Script, ScriptLight, Source};
 
-use super::relight::{AccessChoice, band_rows};
 use super::note;
+use super::relight::{AccessChoice, band_rows};
 use crate::frames::{Frames, Pattern};
 use crate::progress::{self, Progress, Unit};
 

@@ -81,6 +81,38 @@ pub fn positive(text: &str) -> Result<f32, String> {
     if value.is_normal() && value > 0.0 { Ok(value) } else { Err("not a positive number".to_owned()) }
 }
 
+/// Three positive numbers with commas between.
+pub fn three_positive(text: &str) -> Result<[f64; 3], String> {
+    let numbers: [f64; 3] = listed(text, finite)?;
+    if numbers.iter().all(|v| *v > 0.0) { Ok(numbers) } else { Err("not three positive numbers".to_owned()) }
+}
+
+/// Eight numbers with commas between.
+pub fn eight_numbers(text: &str) -> Result<[f64; 8], String> {
+    listed(text, finite)
+}
+
+/// A place and a size: left, top, and a width and height that are not zero.
+pub fn four_counts(text: &str) -> Result<[usize; 4], String> {
+    let counts: [usize; 4] = listed(text, count)?;
+    if counts[2] > 0 && counts[3] > 0 { Ok(counts) } else { Err("a width or height of zero".to_owned()) }
+}
+
+/// A pixel: column and row from the top left, from 0.
+pub fn pixel(text: &str) -> Result<[usize; 2], String> {
+    listed(text, count)
+}
+
+fn count(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| format!("`{text}` is not a whole number from 0 on"))
+}
+
+fn listed<T, const N: usize>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<[T; N], String> {
+    let parts: Vec<T> = text.split(',').map(|part| parse(part.trim())).collect::<Result<_, _>>()?;
+    let found = parts.len();
+    parts.try_into().map_err(|_| format!("{found} numbers in place of {N}, with commas between and decimal dots"))
+}
+
 /// How many lamps to keep: a part below one, as 1/4 or 0.25, or a whole number.
 pub fn keep(text: &str) -> Result<Keep, String> {
     const WANTED: &str = "not a part such as 1/4 or 0.25, nor a whole number of lamps";

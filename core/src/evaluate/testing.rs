@@ -36,6 +36,7 @@ pub fn photograph(scene: &Scene, lamps: Vec<Vec3>, quality: Quality, (width, hei
     let stage = Stage::new(scene, camera, &lamps, quality);
     let classes = classes(scene, &camera);
     let contents = Contents {
+        colour_space: Default::default(),
         irradiance: vec![1.0; lamps.len()],
         domain: lamps.clone(),
         width,
