@@ -46,7 +46,6 @@ pub fn photograph(scene: &Scene, lamps: Vec<Vec3>, quality: Quality, (width, hei
         ambient: None,
         alpha: Some(classes.alpha.clone()),
         provenance: serde_json::Value::Null,
-        colour_space: Default::default(),
     };
     let folder = tempfile::tempdir().unwrap();
     let path: &Path = &folder.path().join("stage.rfield");
