@@ -46,7 +46,8 @@ pub(super) const MAP_FLAGS: [&str; 7] = ["rotate", "pitch", "roll", "map_centre"
 pub(super) const TEXEL_FLAGS: [&str; 4] = ["map_centre", "map_space", "blur", "clamp"];
 
 /// All flags that shape light, for a picture that is lit by none.
-pub(super) const LIGHT_FLAGS: [&str; 13] = [
+pub(super) const LIGHT_FLAGS: [&str; 14] = [
+    "exclude",
     "reconstruct",
     "rotate",
     "pitch",

@@ -57,6 +57,9 @@ pub struct Arguments {
           allow_negative_numbers = true, value_parser = values::number(&settings::AMBIENT),
           default_value_t = values::neutral(&settings::AMBIENT))]
     ambient: f64,
+    /// Captured lamps to do without, counted from 1: those that failed. The reconstruction works around them.
+    #[arg(long, value_name = "N,N", value_delimiter = ',', conflicts_with = "lamp")]
+    exclude: Vec<usize>,
     /// How the file is opened: memory-mapped, or read piece by piece, for network disks.
     #[arg(long, value_enum, default_value_t = AccessChoice::Mapped)]
     access: AccessChoice,
@@ -113,6 +116,7 @@ struct Plan {
     output: PathBuf,
     light: LightPlan,
     look: Look,
+    exclude: Vec<usize>,
 }
 
 impl Arguments {
@@ -142,7 +146,14 @@ impl Arguments {
         };
         self.map.set(&mut look);
         self.gain.set(&mut look);
-        Ok(Plan { asset: self.asset, access: self.access.into(), output: self.output, light, look })
+        Ok(Plan {
+            asset: self.asset,
+            access: self.access.into(),
+            output: self.output,
+            light,
+            look,
+            exclude: self.exclude,
+        })
     }
 }
 
@@ -152,7 +163,10 @@ impl Plan {
         if let LightPlan::Layer(layer) = self.light {
             return layer.write(&asset, &self.output);
         }
-        let relighter = Relighter::new(asset);
+        let relighter = match &self.exclude[..] {
+            [] => Relighter::new(asset),
+            excluded => Relighter::without(asset, excluded)?,
+        };
         if self.look.ambient != 0.0 && relighter.asset().ambient().is_none() {
             note(&format!("{} has no ambient picture: --ambient adds nothing", self.asset.display()));
         }

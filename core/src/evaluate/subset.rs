@@ -1,16 +1,15 @@
 //! Which lamps to keep when a set is thinned, so that the others can judge what was filled in between.
 
-use std::f64::consts::TAU;
+use std::collections::BTreeSet;
 
-use crate::domain::{Axis, Directions};
+use crate::domain::{Directions, LatLongGrid};
 use crate::error::{Error, Result};
-use crate::math::{Vec3, angle_between};
+use crate::math::angle_between;
 
 /// Fewer lamps than this span no solid.
 pub const FEWEST_KEPT: usize = 4;
-/// Lamps count as a grid when each is within this part of a step of its place: rigs are built to about a degree, and the
-/// thinned set must look like the same grid.
-const GRID_TOLERANCE: f64 = 0.05;
+/// A share of the lamps is a stride when the stride is this near to a whole number.
+const STRIDE_TOLERANCE: f64 = 0.05;
 
 /// How many lamps to keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -81,55 +80,23 @@ impl Subset {
 }
 
 /// Every a-th longitude of every b-th ring with `a b` = `factor`, the squarest such pair with a >= b that divides the
-/// ring.
+/// ring. A lamp at the pole is a ring of one.
 fn thinned_grid(domain: &Directions, factor: f64) -> Option<Subset> {
-    let rings = [domain.axis(), Axis::Y].iter().find_map(|&axis| rings(domain, axis))?;
+    let grid = LatLongGrid::find(domain)?;
     let whole = factor.round() as usize;
-    if (factor - whole as f64).abs() > GRID_TOLERANCE {
+    if (factor - whole as f64).abs() > STRIDE_TOLERANCE {
         return None;
     }
-    let around = rings[0].len();
+    let around = grid.longitudes();
     let fits = |b: &usize| whole.is_multiple_of(*b) && b * b <= whole && around.is_multiple_of(whole / b);
     let b = (1..=whole).filter(fits).max()?;
     let a = whole / b;
-    let mut kept: Vec<u32> = rings.iter().step_by(b).flat_map(|ring| ring.iter().step_by(a)).copied().collect();
-    kept.sort_unstable();
-    let (longitudes, left) = (around / a, rings.len().div_ceil(b));
+    let lamp = |site: &u32| domain.members()[*site as usize][0];
+    let kept: BTreeSet<u32> =
+        grid.sites().chunks(around).rev().step_by(b).flat_map(|ring| ring.iter().step_by(a).map(lamp)).collect();
+    let (longitudes, left) = (around / a, grid.rings().div_ceil(b));
     let rule = Rule::Grid { longitudes, rings: left, every_longitude: a, every_ring: b };
-    (longitudes >= FEWEST_KEPT && left >= 2).then_some(Subset { kept, rule })
-}
-
-/// The lamps as rings about an axis, from the outermost inwards, each by longitude; `None` unless every ring has the same
-/// evenly spaced longitudes.
-fn rings(domain: &Directions, axis: Axis) -> Option<Vec<Vec<u32>>> {
-    let place = |d: &Vec3| match axis {
-        Axis::Y => (d.y.clamp(-1.0, 1.0).asin(), d.x.atan2(d.z).rem_euclid(TAU)),
-        Axis::Z => (d.z.clamp(-1.0, 1.0).asin(), d.y.atan2(d.x).rem_euclid(TAU)),
-    };
-    let places: Vec<(f64, f64)> = domain.lamps().iter().map(place).collect();
-    let mut order: Vec<u32> = (0..places.len() as u32).collect();
-    order.sort_by(|&a, &b| places[a as usize].0.total_cmp(&places[b as usize].0));
-    // Elevations of a ring agree far better than those of neighbours: cut where the next is a good part of a step away.
-    let gap = GRID_TOLERANCE * domain.median_spacing();
-    let mut rings: Vec<Vec<u32>> =
-        order.chunk_by(|&a, &b| places[b as usize].0 - places[a as usize].0 < gap).map(<[u32]>::to_vec).collect();
-    let around = rings[0].len();
-    let step = TAU / around as f64;
-    let first = places[rings[0][0] as usize].1;
-    // The column of the grid that a lamp stands in, if it does.
-    let column = |n: u32| {
-        let columns = (places[n as usize].1 - first) / step;
-        ((columns - columns.round()).abs() < GRID_TOLERANCE).then(|| (columns.round() as i64).rem_euclid(around as i64))
-    };
-    for ring in &mut rings {
-        let mut columns = ring.iter().map(|&n| column(n).map(|c| (c, n))).collect::<Option<Vec<_>>>()?;
-        columns.sort_unstable();
-        if columns.len() != around || columns.iter().enumerate().any(|(i, c)| c.0 != i as i64) {
-            return None;
-        }
-        *ring = columns.into_iter().map(|c| c.1).collect();
-    }
-    (rings.len() >= 2 && around >= FEWEST_KEPT).then_some(rings)
+    (longitudes >= FEWEST_KEPT && left >= 2).then(|| Subset { kept: kept.into_iter().collect(), rule })
 }
 
 fn spread(domain: &Directions, count: usize) -> Subset {
@@ -157,6 +124,7 @@ fn spread(domain: &Directions, count: usize) -> Subset {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec3;
     use crate::simulate::{demo_lamps, grid_lamps};
 
     fn grid(longitudes: usize, latitudes: usize) -> Directions {

@@ -305,3 +305,24 @@ fn projections_are_kept_and_bounded() {
     }
     assert_eq!(scene.relighter.weights(Light::Map(&map), &Look::default()).unwrap(), first);
 }
+
+#[test]
+fn lamps_left_out_are_worked_around() {
+    let scene = Ball::new(60, Precision::Float);
+    let asset = Asset::open(&scene.path, Access::Mapped).unwrap();
+    let without = Relighter::without(asset, &[3, 60]).unwrap();
+    let map = EnvMap::from_fn(64, 32, |_| [1.0; 3]);
+    for method in [Method::Linear, Method::BSpline] {
+        let look = Look { method, ..Look::default() };
+        let weights = without.weights(Light::Map(&map), &look).unwrap();
+        assert_eq!((weights.rgb[2], weights.rgb[59]), ([0.0; 3], [0.0; 3]));
+        let sum: f32 = weights.rgb.iter().map(|w| w[1]).sum();
+        assert!((sum / (4.0 * std::f32::consts::PI) - 1.0).abs() < 1e-4, "the others take their place: {sum}");
+    }
+    assert_ne!(without.weights(Light::Lamp(3), &Look::default()).unwrap().rgb[2], [0.0; 3]);
+    for (bad, what) in [(vec![0], "lamp 0"), (vec![61], "lamp 61"), ((1..=60).collect(), "all of them")] {
+        let asset = Asset::open(&scene.path, Access::Mapped).unwrap();
+        let message = Relighter::without(asset, &bad).unwrap_err().to_string();
+        assert!(message.contains(what), "{message}");
+    }
+}
