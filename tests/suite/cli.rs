@@ -81,7 +81,7 @@ pub(crate) fn succeed(command: &mut Command) -> String {
 }
 
 /// Runs what must be refused with exit code 1 and one sentence, which must hold all `words`; returns it.
-fn refuse(command: &mut Command, words: &[&str]) -> String {
+pub(crate) fn refuse(command: &mut Command, words: &[&str]) -> String {
     let output = run(command);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");
@@ -108,7 +108,7 @@ pub(crate) fn info(field: &Path) -> Value {
     serde_json::from_str(&succeed(tool(&["info", "--json"]).arg(field))).unwrap()
 }
 
-fn files_in(folder: &Path) -> Vec<String> {
+pub(crate) fn files_in(folder: &Path) -> Vec<String> {
     let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().to_string_lossy().into_owned();
     let mut names: Vec<String> = fs::read_dir(folder).unwrap().map(name).collect();
     names.sort();

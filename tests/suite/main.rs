@@ -2,6 +2,7 @@
 
 mod cli;
 mod cli_sets;
+mod hdr;
 mod host_self;
 mod photographs;
 mod plugin;

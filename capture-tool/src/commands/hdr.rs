@@ -158,7 +158,9 @@ impl Arguments {
         let times = self.times.as_deref().map(Times::parse).transpose()?;
         let exposures = match &times {
             Some(times) => times.of(&self.images)?,
-            None => self.images.iter().map(|path| Exposure::read(path)).collect::<Result<_, _>>().map_err(with_times)?,
+            None => {
+                self.images.iter().map(|path| Exposure::read(path)).collect::<Result<_, _>>().map_err(with_times)?
+            }
         };
         let names: Vec<String> = self.images.iter().map(|path| path.display().to_string()).collect();
         let relative = hdr::relative(&exposures, &names)?;
@@ -260,7 +262,9 @@ impl Plan {
     fn tell_what_is_odd(&self, bracket: &Bracket) {
         let eight_bits = matches!(bracket.sample_type(), SampleType::Jpeg | SampleType::U8);
         if eight_bits && self.curve == CurvePlan::Encoding(EncodingChoice::Auto) {
-            note("8-bit photographs are taken for sRGB, which few cameras keep to: --recover-response finds their own curve");
+            note(
+                "8-bit photographs are taken for sRGB, which few cameras keep to: --recover-response finds their own curve",
+            );
         }
         let others = (self.exposures.iter().any(|e| e.iso.is_some()) && !self.relative.with_iso)
             || (self.exposures.iter().any(|e| e.f_number.is_some()) && !self.relative.with_f_number);
@@ -285,14 +289,11 @@ impl Plan {
             let linear = matches!(self.curve, CurvePlan::Encoding(EncodingChoice::Linear));
             let pyramid = align::Pyramid::new(&image, linear);
             if let Some((before, pyramid_before)) = &last {
-                let Some([dx, dy]) = align::shift(pyramid_before, &pyramid) else {
-                    bail!(
-                        "{} and {} cannot be aligned: one is black or white almost everywhere; leave it out, or use a tripod \
-                         and no --align",
-                        self.names[*before],
-                        self.names[index]
-                    );
-                };
+                let [dx, dy] = align::shift(pyramid_before, &pyramid).unwrap_or_else(|| {
+                    let (before, this) = (&self.names[*before], &self.names[index]);
+                    note(&format!("{this} and {before} show too little in common to be aligned: taken as not moved"));
+                    [0, 0]
+                });
                 offsets[index] = [offsets[*before][0] + dx, offsets[*before][1] + dy];
             }
             last = Some((index, pyramid));

@@ -12,8 +12,8 @@ use crate::image::{Image, SampleType, probe_size, read_codes};
 const BUDGET_BYTES: usize = 1 << 30;
 /// Raw files look like TIFF from inside, and some hold a small picture where a reader of TIFF finds it: names decide.
 const RAW: [&str; 18] = [
-    "3fr", "arw", "cr2", "cr3", "crw", "dcr", "dng", "erf", "iiq", "mrw", "nef", "nrw", "orf", "pef", "raf", "rw2", "sr2",
-    "srw",
+    "3fr", "arw", "cr2", "cr3", "crw", "dcr", "dng", "erf", "iiq", "mrw", "nef", "nrw", "orf", "pef", "raf", "rw2",
+    "sr2", "srw",
 ];
 
 /// Is this a camera's raw file, by its name?
@@ -149,9 +149,10 @@ fn read_raw(path: &Path) -> Result<Photograph> {
     Err(Error::Unsupported {
         place: path.display().to_string(),
         what: "a camera raw file".to_owned(),
-        advice: "use a relume built with the feature `raw` (cargo build --features raw), or develop the file to a linear \
+        advice:
+            "use a relume built with the feature `raw` (cargo build --features raw), or develop the file to a linear \
                  16-bit TIFF"
-            .to_owned(),
+                .to_owned(),
     })
 }
 

@@ -132,7 +132,8 @@ fn known_of_all(values: &[Option<f64>], names: &[String], what: &str) -> Result<
 /// A sentence about the text.
 pub fn parse_time(text: &str) -> Result<f64, String> {
     let bare = text.trim().trim_end_matches(['s', '"']).trim_end();
-    let number = |part: &str| part.trim().parse::<f64>().map_err(|_| format!("`{text}` is not a time; write 1/60 or 0.25"));
+    let number =
+        |part: &str| part.trim().parse::<f64>().map_err(|_| format!("`{text}` is not a time; write 1/60 or 0.25"));
     let time_s = match bare.split_once('/') {
         Some((above, below)) => number(above)? / number(below)?,
         None => number(bare)?,

@@ -88,11 +88,7 @@ pub struct Merged {
 ///
 /// # Errors
 /// [`Error::Invalid`] for no photograph, an exposure that is not positive, or photographs of different sizes.
-pub fn merge(
-    shots: &[Shot],
-    options: &Options,
-    load: &mut dyn FnMut(usize) -> Result<Arc<Image>>,
-) -> Result<Merged> {
+pub fn merge(shots: &[Shot], options: &Options, load: &mut dyn FnMut(usize) -> Result<Arc<Image>>) -> Result<Merged> {
     let frames = frames(shots, options)?;
     let Some(first) = frames.first() else {
         return Err(Error::invalid("the bracket", "no photograph", "at least one"));
@@ -302,7 +298,10 @@ impl Sums {
         let rows = self.weighted.par_chunks_mut(n).zip(self.weights.par_chunks_mut(n));
         let rows = rows.zip(self.estimate.par_chunks_mut(n)).zip(self.marks.par_chunks_mut(n));
         let [dx, dy] = frame.shot.offset.map(|d| d as isize);
-        let visit_row = |(y, (((weighted, weights), estimate), marks)): (usize, (((&mut [f32], &mut [f32]), &mut [f32]), &mut [u8]))| {
+        let visit_row = |(y, (((weighted, weights), estimate), marks)): (
+            usize,
+            (((&mut [f32], &mut [f32]), &mut [f32]), &mut [u8]),
+        )| {
             let mut tally = Tally::of_row(y);
             let Some(source) = y.checked_add_signed(dy).filter(|y| *y < image.height()).map(|y| image.row(y)) else {
                 return tally;

@@ -185,7 +185,9 @@ fn a_merge_is_as_quiet_as_it_can_be() {
         for x in 0..w {
             let light = f64::from(truth.pixel(x, 0)[0]) * camera.scale();
             let values = |image: &Image, f: &dyn Fn(usize, f32) -> f64| -> Vec<f64> {
-                (0..h).flat_map(|y| image.pixel(x, y).iter().enumerate().map(|(c, v)| f(c, *v)).collect::<Vec<_>>()).collect()
+                (0..h)
+                    .flat_map(|y| image.pixel(x, y).iter().enumerate().map(|(c, v)| f(c, *v)).collect::<Vec<_>>())
+                    .collect()
             };
             let (mut best, mut bound) = (f64::INFINITY, 0.0);
             for (frame, s) in frames.iter().zip(TWO_STOPS) {
@@ -206,7 +208,6 @@ fn a_merge_is_as_quiet_as_it_can_be() {
         }
         ratios.sort_by(f64::total_cmp);
         assert!(ratios.len() > 55, "{name}: only {} lights compared", ratios.len());
-        eprintln!("FIG {name}: worst/best {worst:.3} combos median {:.3} max {:.3}", ratios[ratios.len() / 2], ratios[ratios.len() - 1]);
         assert!(worst < 1.1, "{name}: {worst} of the best photograph's noise");
         assert!(ratios[ratios.len() / 2] < 1.05, "{name}: {} of the bound", ratios[ratios.len() / 2]);
     }
@@ -286,9 +287,8 @@ fn shifted_photographs_are_brought_back() {
 #[test]
 fn the_scale_is_that_of_the_reference() {
     let frames = [constant(&[[0.2; 3]]), constant(&[[0.4; 3]])];
-    let value = |reference| {
-        merged(&frames, &[0.001, 0.002], &Options { reference, ..linear(1.0) }).image.pixel(0, 0)[0]
-    };
+    let value =
+        |reference| merged(&frames, &[0.001, 0.002], &Options { reference, ..linear(1.0) }).image.pixel(0, 0)[0];
     assert!((value(1.0) / 200.0 - 1.0).abs() < 1e-5);
     assert!((value(0.002) / 0.4 - 1.0).abs() < 1e-5);
 }

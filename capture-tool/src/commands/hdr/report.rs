@@ -141,7 +141,12 @@ impl Report {
         );
         let source = if self.exposures == "exif" { "EXIF" } else { "the given times" };
         // Writing to a String cannot fail.
-        let _ = writeln!(text, "exposures from {source}: {}; pixel value 1 is white at {}", self.formula, number(self.reference_exposure));
+        let _ = writeln!(
+            text,
+            "exposures from {source}: {}; pixel value 1 is white at {}",
+            self.formula,
+            number(self.reference_exposure)
+        );
         if let Some(r) = &self.response {
             let [red, green, blue] = r.residual_ev;
             let _ = writeln!(
@@ -156,17 +161,30 @@ impl Report {
         }
         self.table(&mut text);
         let percent = |share: f64| format!("{:.3} %", 100.0 * share);
-        let _ = writeln!(text, "clipped everywhere: {} of the pixels (the shortest is used)", percent(self.clipped_everywhere.any));
-        let _ = writeln!(text, "dark everywhere: {} of the pixels (the longest is used)", percent(self.dark_everywhere.any));
+        let _ = writeln!(
+            text,
+            "clipped everywhere: {} of the pixels (the shortest is used)",
+            percent(self.clipped_everywhere.any)
+        );
+        let _ = writeln!(
+            text,
+            "dark everywhere: {} of the pixels (the longest is used)",
+            percent(self.dark_everywhere.any)
+        );
         let (median, most) = (f64::from(self.noise_median), f64::from(self.noise_percentile_95));
-        let _ = writeln!(text, "estimated noise: {} median, {} for 95 % of the samples", percent(median), percent(most));
+        let _ =
+            writeln!(text, "estimated noise: {} median, {} for 95 % of the samples", percent(median), percent(most));
         text
     }
 
     fn table(&self, text: &mut String) {
         let width = self.photographs.iter().map(|p| p.file.chars().count()).max().unwrap_or(0).max(10);
         let shifted = self.photographs.iter().any(|p| p.offset != [0, 0]);
-        let _ = write!(text, "{:width$}  {:>9}  {:>9}  {:>6}  {:>7}  {:>6}  {:>8}", "photograph", "time", "exposure", "used", "clipped", "dark", "off by");
+        let _ = write!(
+            text,
+            "{:width$}  {:>9}  {:>9}  {:>6}  {:>7}  {:>6}  {:>8}",
+            "photograph", "time", "exposure", "used", "clipped", "dark", "off by"
+        );
         let _ = writeln!(text, "{}", if shifted { "  shift" } else { "" });
         for p in &self.photographs {
             let share = |v: f64| format!("{:.1} %", 100.0 * v);
@@ -182,7 +200,11 @@ impl Report {
                 share(p.usage.dark),
                 off
             );
-            let _ = writeln!(text, "{}", if shifted { format!("  {:+},{:+}", p.offset[0], p.offset[1]) } else { String::new() });
+            let _ = writeln!(
+                text,
+                "{}",
+                if shifted { format!("  {:+},{:+}", p.offset[0], p.offset[1]) } else { String::new() }
+            );
         }
     }
 }
