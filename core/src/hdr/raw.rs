@@ -175,8 +175,8 @@ mod tests {
         samples[4 * w + 6] = 1.0;
         let image = demosaiced(&samples, w, Rect::new(Point::new(1, 1), Dim2::new(w - 2, h - 2)), bayer).unwrap();
         assert_eq!(image.size(), (10, 8));
-        for y in 0..8 {
-            for x in 0..10 {
+        for y in 0..8usize {
+            for x in 0..10usize {
                 // (6, 4) of the mosaic is red, and (5, 3) of the picture.
                 let near = x.abs_diff(5) < 2 && y.abs_diff(3) < 2;
                 let pixel = image.pixel(x, y);
