@@ -3,6 +3,7 @@
 mod cli;
 mod cli_sets;
 mod evaluate;
+mod hdr;
 mod host_self;
 mod layers;
 mod lights;

@@ -119,7 +119,7 @@ impl std::str::FromStr for Reference {
 #[derive(Debug, Clone, PartialEq)]
 enum CurvePlan {
     Encoding(EncodingChoice),
-    Response(Box<Response>),
+    Response(Response),
     Recover { lambda: f64, save: Option<PathBuf> },
 }
 
@@ -166,7 +166,7 @@ impl Arguments {
         let relative = hdr::relative(&exposures, &names)?;
         let reference = reference(self.reference, &relative.values)?;
         let curve = match (&self.response, self.recover_response) {
-            (Some(path), _) => CurvePlan::Response(Box::new(Response::read(path)?)),
+            (Some(path), _) => CurvePlan::Response(Response::read(path)?),
             (None, true) => CurvePlan::Recover { lambda: f64::from(self.smoothness), save: self.save_response },
             (None, false) => CurvePlan::Encoding(self.encoding),
         };
@@ -289,14 +289,11 @@ impl Plan {
             let linear = matches!(self.curve, CurvePlan::Encoding(EncodingChoice::Linear));
             let pyramid = align::Pyramid::new(&image, linear);
             if let Some((before, pyramid_before)) = &last {
-                let Some([dx, dy]) = align::shift(pyramid_before, &pyramid) else {
-                    bail!(
-                        "{} and {} cannot be aligned: one is black or white almost everywhere; leave it out, or use a tripod \
-                         and no --align",
-                        self.names[*before],
-                        self.names[index]
-                    );
-                };
+                let [dx, dy] = align::shift(pyramid_before, &pyramid).unwrap_or_else(|| {
+                    let (before, this) = (&self.names[*before], &self.names[index]);
+                    note(&format!("{this} and {before} show too little in common to be aligned: taken as not moved"));
+                    [0, 0]
+                });
                 offsets[index] = [offsets[*before][0] + dx, offsets[*before][1] + dy];
             }
             last = Some((index, pyramid));
@@ -323,7 +320,7 @@ impl Plan {
                     self.names[0]
                 )
             }
-            CurvePlan::Response(response) => Ok((Curve::Response((**response).clone()), None)),
+            CurvePlan::Response(response) => Ok((Curve::Response(response.clone()), None)),
             CurvePlan::Recover { lambda, save } => {
                 let exposures: Vec<f64> = order.iter().map(|i| self.relative.values[*i]).collect();
                 let recovered = hdr::recover(&survey.samples(), &exposures, clip, *lambda)?;

@@ -20,7 +20,7 @@ const SMALLEST: usize = 16;
 /// Pixels this near to the threshold are excluded, in codes (Ward's tolerance).
 const TOLERANCE: u8 = 4;
 /// Shares of darker pixels to try as threshold; the median first.
-const SHARES: [f64; 5] = [0.5, 0.3, 0.7, 0.15, 0.85];
+const SHARES: [f64; 7] = [0.5, 0.3, 0.7, 0.15, 0.85, 0.05, 0.95];
 
 /// A pyramid of one photograph's brightness, finest first.
 #[derive(Debug, Clone)]
@@ -114,9 +114,9 @@ pub fn shift(a: &Pyramid, b: &Pyramid) -> Option<[i32; 2]> {
     Some(best)
 }
 
-/// The first percentile that is well inside the range in both.
+/// The first percentile that is inside the range in both: pixels remain on either side that are not excluded.
 fn threshold_share(a: &Grey, b: &Grey) -> Option<f64> {
-    let inside = |z: u8| (3 * TOLERANCE..=255 - 3 * TOLERANCE).contains(&z);
+    let inside = |z: u8| (TOLERANCE + 1..255 - TOLERANCE).contains(&z);
     SHARES.into_iter().find(|share| inside(a.percentile(*share)) && inside(b.percentile(*share)))
 }
 

@@ -19,8 +19,14 @@ pub enum Curve {
 #[derive(Debug, Clone)]
 pub(super) struct Decoder {
     srgb: bool,
-    /// Largest code, and for each code of each channel its light and the variance that rounding to it adds.
-    tables: Option<(f32, [Vec<(f32, f32)>; 3])>,
+    tables: Option<Tables>,
+}
+
+#[derive(Debug, Clone)]
+struct Tables {
+    largest: f32,
+    /// For each code of each channel its light and the variance that rounding to it adds.
+    channels: [Vec<(f32, f32)>; 3],
 }
 
 impl Decoder {
@@ -37,7 +43,7 @@ impl Decoder {
         }
         let tables = largest.map(|largest| {
             let table = |c: usize| with_rounding((0..=largest).map(|z| light_of(curve, c, z, largest)).collect());
-            (f32::from(largest), [0, 1, 2].map(table))
+            Tables { largest: f32::from(largest), channels: [0, 1, 2].map(table) }
         });
         Ok(Self { srgb: *curve == Curve::Srgb, tables })
     }
@@ -46,8 +52,8 @@ impl Decoder {
     #[inline]
     pub(super) fn light(&self, c: usize, sample: f32) -> (f32, f32) {
         match &self.tables {
-            Some((largest, tables)) => {
-                let table = &tables[c];
+            Some(Tables { largest, channels }) => {
+                let table = &channels[c];
                 table[((sample * largest + 0.5) as usize).min(table.len() - 1)]
             }
             None if self.srgb => (srgb::decode(sample), 0.0),

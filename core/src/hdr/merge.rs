@@ -298,10 +298,7 @@ impl Sums {
         let rows = self.weighted.par_chunks_mut(n).zip(self.weights.par_chunks_mut(n));
         let rows = rows.zip(self.estimate.par_chunks_mut(n)).zip(self.marks.par_chunks_mut(n));
         let [dx, dy] = frame.shot.offset.map(|d| d as isize);
-        let visit_row = |(y, (((weighted, weights), estimate), marks)): (
-            usize,
-            (((&mut [f32], &mut [f32]), &mut [f32]), &mut [u8]),
-        )| {
+        let tallies = rows.enumerate().map(|(y, (((weighted, weights), estimate), marks))| {
             let mut tally = Tally::of_row(y);
             let Some(source) = y.checked_add_signed(dy).filter(|y| *y < image.height()).map(|y| image.row(y)) else {
                 return tally;
@@ -322,8 +319,8 @@ impl Sums {
                 }
             }
             tally
-        };
-        rows.enumerate().map(visit_row).reduce(Tally::default, Tally::join)
+        });
+        tallies.reduce(Tally::default, Tally::join)
     }
 
     fn begin_second_pass(&mut self) {

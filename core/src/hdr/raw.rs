@@ -37,7 +37,9 @@ pub(super) fn read(path: &Path) -> Result<Photograph> {
     }
     let codes = match (&raw.photometric, raw.cpp) {
         (RawPhotometricInterpretation::Cfa(config), 1) if config.cfa.is_rgb() && config.cfa.is_valid() => {
-            demosaiced(&raw, |row, column| config.cfa.color_at(row, column))?
+            demosaiced(&normalised(&raw), raw.width, picture_area(&raw), |row, column| {
+                config.cfa.color_at(row, column)
+            })?
         }
         (RawPhotometricInterpretation::LinearRaw, 3) => linear_rgb(&raw)?,
         _ => {
@@ -58,8 +60,7 @@ fn picture_area(raw: &RawImage) -> Rect {
     raw.crop_area.or(raw.active_area).filter(inside).unwrap_or(whole)
 }
 
-/// All samples with black at 0 and white at 1, cut off at 1; what lies below black stays below 0. `colour` of a place in
-/// the repeated pattern chooses among levels given by colour.
+/// All samples with black at 0 and white at 1, cut off at 1; what lies below black stays below 0.
 fn normalised(raw: &RawImage) -> Vec<f32> {
     let black = &raw.blacklevel;
     let (levels, white) = (black.as_vec(), raw.whitelevel.as_vec());
@@ -86,32 +87,36 @@ fn normalised(raw: &RawImage) -> Vec<f32> {
 }
 
 /// A full picture from a mosaic: each missing colour is the mean of its samples among the eight neighbours (bilinear for a
-/// Bayer mosaic). A pixel that draws on a clipped sample is clipped itself, so that a merge drops it.
-fn demosaiced(raw: &RawImage, colour: impl Fn(usize, usize) -> usize + Sync) -> Result<Image> {
-    let samples = normalised(raw);
-    let area = picture_area(raw);
-    let (w, h) = (area.width(), area.height());
+/// Bayer mosaic). A pixel that draws on a clipped sample is clipped itself, so that a merge drops it. `colour` of a row and
+/// column is 0 red, 1 green, 2 blue.
+fn demosaiced(
+    samples: &[f32],
+    width: usize,
+    area: Rect,
+    colour: impl Fn(usize, usize) -> usize + Sync,
+) -> Result<Image> {
+    let (w, h, height) = (area.width(), area.height(), samples.len() / width);
+    let pixel_at = |x: usize, y: usize| {
+        let own = colour(y, x);
+        let (mut sum, mut count, mut clipped) = ([0.0f32; 3], [0.0f32; 3], [false; 3]);
+        for ny in y.saturating_sub(1)..(y + 2).min(height) {
+            for nx in x.saturating_sub(1)..(x + 2).min(width) {
+                let c = colour(ny, nx).min(2);
+                if c == own && (nx, ny) != (x, y) {
+                    continue;
+                }
+                let v = samples[ny * width + nx];
+                sum[c] += v;
+                count[c] += 1.0;
+                clipped[c] |= v >= 1.0;
+            }
+        }
+        [0, 1, 2].map(|c| if clipped[c] { 1.0 } else { sum[c] / count[c].max(1.0) })
+    };
     let mut data = vec![0.0f32; w * h * 3];
     data.par_chunks_exact_mut(w * 3).enumerate().for_each(|(row, out)| {
         for (column, pixel) in out.chunks_exact_mut(3).enumerate() {
-            let (x, y) = (area.x() + column, area.y() + row);
-            let own = colour(y, x);
-            let (mut sum, mut count, mut clipped) = ([0.0f32; 3], [0.0f32; 3], [false; 3]);
-            for ny in y.saturating_sub(1)..(y + 2).min(raw.height) {
-                for nx in x.saturating_sub(1)..(x + 2).min(raw.width) {
-                    let c = colour(ny, nx).min(2);
-                    if c == own && (nx, ny) != (x, y) {
-                        continue;
-                    }
-                    let v = samples[ny * raw.width + nx];
-                    sum[c] += v;
-                    count[c] += 1.0;
-                    clipped[c] |= v >= 1.0;
-                }
-            }
-            for c in 0..3 {
-                pixel[c] = if clipped[c] { 1.0 } else { sum[c] / count[c].max(1.0) };
-            }
+            pixel.copy_from_slice(&pixel_at(area.x() + column, area.y() + row));
         }
     });
     Image::from_data(w, h, 3, data)
@@ -150,4 +155,66 @@ fn to_rec709(raw: &RawImage) -> ToRec709 {
         .filter(|m| m.iter().all(|v| v.is_finite()))
         .unwrap_or_else(Matrix3::identity);
     std::array::from_fn(|r| std::array::from_fn(|c| (from_camera[(r, c)] * balance[c]) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use rawler::imgop::{Dim2, Point};
+
+    use super::*;
+
+    /// Red, green; green, blue.
+    fn bayer(row: usize, column: usize) -> usize {
+        row % 2 + column % 2
+    }
+
+    #[test]
+    fn a_mosaic_becomes_a_picture_and_clipping_spreads() {
+        let (w, h) = (12, 10);
+        let mut samples: Vec<f32> = (0..w * h).map(|i| [0.1, 0.2, 0.4][bayer(i / w, i % w)]).collect();
+        samples[4 * w + 6] = 1.0;
+        let image = demosaiced(&samples, w, Rect::new(Point::new(1, 1), Dim2::new(w - 2, h - 2)), bayer).unwrap();
+        assert_eq!(image.size(), (10, 8));
+        for y in 0..8usize {
+            for x in 0..10usize {
+                // (6, 4) of the mosaic is red, and (5, 3) of the picture.
+                let near = x.abs_diff(5) < 2 && y.abs_diff(3) < 2;
+                let pixel = image.pixel(x, y);
+                assert_eq!(pixel[0] >= 1.0, near, "({x}, {y})");
+                assert!((pixel[1] - 0.2).abs() < 1e-6 && (pixel[2] - 0.4).abs() < 1e-6, "{pixel:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_real_file_is_read_and_its_neutral_is_white() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/raw/colorchart.dng");
+        if !path.is_file() {
+            return;
+        }
+        let photograph = read(&path).unwrap();
+        assert_eq!(photograph.codes.size(), (1888, 1182));
+        assert!(photograph.codes.data().iter().all(|v| (-0.5..=1.0).contains(v)));
+        let mean = photograph.codes.data().iter().sum::<f32>() / photograph.codes.data().len() as f32;
+        assert!(mean > 0.01 && mean < 0.9, "{mean}");
+        // What the balance makes equal is grey: the rows of the matrix without the balance sum to one.
+        let matrix = photograph.to_rec709.unwrap();
+        let raw = rawler::decode_file(&path).unwrap();
+        let neutral = [0, 1, 2].map(|c| raw.wb_coeffs[1] / raw.wb_coeffs[c]);
+        for row in matrix {
+            let sum: f32 = row.iter().zip(neutral).map(|(m, n)| m * n).sum();
+            assert!((sum - 1.0).abs() < 1e-3, "{matrix:?}");
+        }
+    }
+
+    #[test]
+    fn damaged_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.dng");
+        for bytes in [&b""[..], b"II*\0", b"II*\0\x08\0\0\0\xff\xff", b"no raw file at all"] {
+            std::fs::write(&path, bytes).unwrap();
+            let message = read(&path).unwrap_err().to_string();
+            assert!(message.contains("a.dng"), "{message}");
+        }
+    }
 }

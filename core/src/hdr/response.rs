@@ -22,7 +22,7 @@ const LIGHT: std::ops::RangeInclusive<f64> = 0.0..=1e30;
 /// channel stands for the light it stands for in sRGB, 0.2158605, where white is 1. Grey of code 128 stays neutral.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response {
-    light: [[f64; CODES]; 3],
+    light: Box<[[f64; CODES]; 3]>,
 }
 
 impl Response {
@@ -45,13 +45,13 @@ impl Response {
             let scale = f64::from(srgb::decode(ANCHOR as f32 / 255.0)) / table[ANCHOR];
             table.iter_mut().for_each(|v| *v *= scale);
         }
-        Ok(Self { light })
+        Ok(Self { light: Box::new(light) })
     }
 
     /// The sRGB curve as a response.
     pub fn srgb() -> Self {
         let table = std::array::from_fn(|code| f64::from(srgb::decode(code as f32 / 255.0)));
-        Self { light: [table; 3] }
+        Self { light: Box::new([table; 3]) }
     }
 
     /// Light of each code of channel `c` (0 red, 1 green, 2 blue).
@@ -72,7 +72,7 @@ impl Response {
                 writeln!(out, "# Camera response of relume: the linear light that each 8-bit code stands for.")?;
                 writeln!(out, "# Scale: code 128 is 0.2158605, as in sRGB, where white is 1.")?;
                 writeln!(out, "# code red green blue")?;
-                let [r, g, b] = &self.light;
+                let [r, g, b] = &*self.light;
                 (0..CODES).try_for_each(|z| writeln!(out, "{z} {:.8e} {:.8e} {:.8e}", r[z], g[z], b[z]))
             };
             body().map_err(|source| Error::io("write", path, source))

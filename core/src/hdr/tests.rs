@@ -208,11 +208,6 @@ fn a_merge_is_as_quiet_as_it_can_be() {
         }
         ratios.sort_by(f64::total_cmp);
         assert!(ratios.len() > 55, "{name}: only {} lights compared", ratios.len());
-        eprintln!(
-            "FIG {name}: worst/best {worst:.3} combos median {:.3} max {:.3}",
-            ratios[ratios.len() / 2],
-            ratios[ratios.len() - 1]
-        );
         assert!(worst < 1.1, "{name}: {worst} of the best photograph's noise");
         assert!(ratios[ratios.len() / 2] < 1.05, "{name}: {} of the bound", ratios[ratios.len() / 2]);
     }
