@@ -10,7 +10,7 @@ use relume_core::acquire::ImportLp;
 use relume_core::domain::lp::Lengths;
 use relume_core::field::{Access, Asset, Precision};
 use relume_core::illumination::EnvMap;
-use relume_core::image::{self, EncodeOptions, Encoding, Window};
+use relume_core::image::{self, ColourSpace, EncodeOptions, Encoding, Window};
 use relume_core::relight::{Light, Look, Relighter, Weights};
 
 fn main() -> Result<()> {
@@ -22,6 +22,7 @@ fn main() -> Result<()> {
     let import = ImportLp {
         lp: root.join("examples/ball-24/dirs.lp"),
         encoding: Encoding::Auto,
+        colour_space: ColourSpace::default(),
         black: None,
         alpha: None,
         irradiance: PI,

@@ -5,6 +5,8 @@
 
 mod commands;
 mod drawing;
+mod frames;
+mod new_folder;
 mod progress;
 mod projection;
 mod session;
@@ -40,7 +42,7 @@ fn main() -> ExitCode {
     let said = match arguments.command.run() {
         Ok(text) => std::io::stdout().lock().write_all(text.as_bytes()),
         Err(error) if progress::is_cancelled(&error) => {
-            complain("stopped; nothing was left behind");
+            complain("stopped; nothing unfinished was left behind");
             return ExitCode::from(EXIT_STOPPED);
         }
         Err(error) => {

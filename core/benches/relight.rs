@@ -216,6 +216,7 @@ fn make(case: &Case, path: &Path) -> Result<()> {
         Vec3::new((1.0 - y * y).sqrt() * s, y, (1.0 - y * y).sqrt() * c)
     };
     let contents = Contents {
+        colour_space: Default::default(),
         domain: Directions::new((0..case.elements).map(lamp).collect())?,
         irradiance: vec![1.0; case.elements],
         width: case.width,

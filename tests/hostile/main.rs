@@ -57,6 +57,7 @@ impl Bands for Ramp {
 
 fn container(path: &Path) {
     let contents = Contents {
+        colour_space: Default::default(),
         domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y(), -Vec3::x()]).unwrap(),
         irradiance: vec![1.0; 4],
         width: 40,

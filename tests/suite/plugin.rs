@@ -77,6 +77,18 @@ fn check_setting(described: &Description, setting: &Setting) {
                 "slider of {id}"
             );
         }
+        Kind::Colour { default, hard, soft } => {
+            assert_eq!(found, "OfxParamTypeRGB", "{id}");
+            assert_eq!(numbers(kOfxParamPropDefault), default, "default of {id}");
+            for (property, value) in [
+                (kOfxParamPropMin, hard.0),
+                (kOfxParamPropMax, hard.1),
+                (kOfxParamPropDisplayMin, soft.0),
+                (kOfxParamPropDisplayMax, soft.1),
+            ] {
+                assert_eq!(numbers(property), [value; 3], "{property:?} of {id}");
+            }
+        }
         Kind::Integer { default, hard } => {
             assert_eq!(found, "OfxParamTypeInteger", "{id}");
             assert_eq!(numbers(kOfxParamPropDefault), [f64::from(*default)], "default of {id}");

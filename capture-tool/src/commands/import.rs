@@ -9,12 +9,12 @@ use relume_core::calibrate::Correction;
 use relume_core::domain::{Directions, lp};
 use relume_core::field::{Access, Asset, Precision};
 use relume_core::files;
-use relume_core::image::Encoding;
+use relume_core::image::{ColourSpace, Encoding};
 
 use super::info::Info;
 use super::{calibrate, note, surface, values};
 use crate::progress::{Progress, Unit};
-use crate::session;
+use crate::{new_folder, session};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -42,6 +42,10 @@ pub struct LpArguments {
     /// How the photographs' numbers become light [default: sRGB for 8 and 16 bits, linear for floats].
     #[arg(long, value_enum)]
     encoding: Option<EncodingChoice>,
+    /// The colour space of the photographs, once decoded to light: lin_rec709 (as of sRGB pictures), lin_rec2020, acescg,
+    /// aces2065_1 or lin_p3d65. The field keeps it.
+    #[arg(long, value_name = "SPACE", value_parser = values::colour_space, default_value_t = ColourSpace::default())]
+    colour_space: ColourSpace,
     /// The photograph with every lamp off: subtracted, and kept as the ambient picture.
     #[arg(long, value_name = "IMG")]
     black: Option<PathBuf>,
@@ -117,7 +121,7 @@ impl LpArguments {
             files::check_folder(output)?;
         }
         if let Some(folder) = &self.target.session {
-            session::check_target(folder)?;
+            new_folder::check(folder)?;
         }
         let import = ImportLp {
             lp: self.lp,
@@ -126,6 +130,7 @@ impl LpArguments {
                 Some(EncodingChoice::Srgb) => Encoding::Srgb,
                 Some(EncodingChoice::Linear) => Encoding::Linear,
             },
+            colour_space: self.colour_space,
             black: self.black,
             alpha: self.alpha,
             irradiance: self.irradiance.unwrap_or(PI),
@@ -239,10 +244,11 @@ mod tests {
     #[test]
     fn flags_reach_the_plan() {
         let line = "lp a.lp -o a.rfield --encoding srgb --black b.png --precision float --irradiance 2.5 --alpha m.png \
-                    --normalise-directions --session no-such-folder";
+                    --normalise-directions --session no-such-folder --colour-space lin_p3d65";
         let plan = parse(line).unwrap().plan().unwrap();
         assert_eq!((plan.import.irradiance, plan.import.precision), (2.5, Precision::Float));
         assert_eq!((plan.import.encoding, plan.import.lengths), (Encoding::Srgb, lp::Lengths::Normalise));
+        assert_eq!(plan.import.colour_space, ColourSpace::LinP3D65);
         assert_eq!(plan.import.black, Some("b.png".into()));
         assert_eq!(plan.import.alpha, Some("m.png".into()));
         assert_eq!(plan.session, Some("no-such-folder".into()));
@@ -259,6 +265,7 @@ mod tests {
             "lp a.lp -o a.rfield --irradiance inf",
             "lp a.lp -o a.rfield --precision double",
             "lp a.lp -o a.rfield --encoding gamma",
+            "lp a.lp -o a.rfield --colour-space rec709",
         ] {
             assert!(parse(line).is_err(), "{line}");
         }

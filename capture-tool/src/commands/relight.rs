@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use relume_core::field::{Access, Asset, BLOCK_HEIGHT, Layout};
-use relume_core::illumination::EnvMap;
-use relume_core::image::{self, EncodeOptions, Image, Window};
-use relume_core::math::latlong;
+use relume_core::illumination::{Beam, EnvMap};
+use relume_core::image::{self, ColourSpace, Conversion, EncodeOptions, Image, Window};
 use relume_core::reconstruct::Outside;
 use relume_core::relight::{Light, Look, Relighter, Weights};
 use relume_core::settings;
 
 use super::layer::LayerChoice;
+use super::light_flags::{GainFlags, LIGHT_FLAGS, MAP_FLAGS, MapFlags, TEXEL_FLAGS};
 use super::{note, values};
 use crate::progress::{self, Progress, Unit};
 
@@ -20,6 +20,9 @@ const EXAMPLES: &str = "\
 Examples:
   relume relight vase.rfield --env park.hdr -o vase.exr
   relume relight vase.rfield --env park.exr --rotate -90 --exposure -1.5 --outside nearest -o vase.png
+  relume relight vase.rfield --lighting three-point --rotate 20 -o vase.exr
+  relume relight vase.rfield --env park.exr --pitch 20 --blur 10 --clamp 50 --tint 1,0.9,0.8 -o soft.exr
+  relume relight vase.rfield --env aces.exr --map-space aces2065_1 --output-space acescg -o vase.exr
   relume relight vase.rfield --lamp 17 -o lamp17.exr
   relume relight vase.rfield --layer normals -o normals.exr";
 
@@ -42,22 +45,14 @@ pub struct Arguments {
           value_parser = values::choice(&settings::RECONSTRUCTION),
           default_value = values::neutral_option(&settings::RECONSTRUCTION))]
     reconstruct: usize,
-    #[arg(long, value_name = "DEG", conflicts_with = "lamp", help = settings::ROTATION.hint,
-          allow_negative_numbers = true, value_parser = values::number(&settings::ROTATION),
-          default_value_t = values::neutral(&settings::ROTATION))]
-    rotate: f64,
-    #[arg(long, value_name = "SIDE", conflicts_with = "lamp", help = settings::MAP_CENTRE.hint,
-          value_parser = values::choice(&settings::MAP_CENTRE),
-          default_value = values::neutral_option(&settings::MAP_CENTRE))]
-    map_centre: usize,
+    #[command(flatten)]
+    map: MapFlags,
     #[arg(long, value_name = "WHAT", conflicts_with = "lamp", help = settings::OUTSIDE.hint,
           value_parser = values::choice(&settings::OUTSIDE),
           default_value = values::neutral_option(&settings::OUTSIDE))]
     outside: usize,
-    #[arg(long, value_name = "EV", help = settings::EXPOSURE.hint,
-          allow_negative_numbers = true, value_parser = values::number(&settings::EXPOSURE),
-          default_value_t = values::neutral(&settings::EXPOSURE))]
-    exposure: f64,
+    #[command(flatten)]
+    gain: GainFlags,
     #[arg(long, value_name = "GAIN", help = settings::AMBIENT.hint,
           allow_negative_numbers = true, value_parser = values::number(&settings::AMBIENT),
           default_value_t = values::neutral(&settings::AMBIENT))]
@@ -73,26 +68,39 @@ struct LightArguments {
     /// The light: a lat-long map (EXR, HDR, PNG, TIFF, JPEG) of radiance.
     #[arg(long, value_name = "MAP")]
     env: Option<PathBuf>,
+    /// The light: lamps, by a name of `relume lightings` or in a lighting file (.toml).
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = TEXEL_FLAGS)]
+    lighting: Option<String>,
     /// Lights one captured lamp, counted from 1, as it was photographed.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with_all = MAP_FLAGS)]
     lamp: Option<usize>,
     /// In place of a light: a layer of the asset as it is. Normals are in the stage frame (+x right, +y up, +z to the camera);
     /// .png and .jpg, which hold nothing below zero, get (n + 1) / 2.
-    #[arg(long, value_enum, value_name = "LAYER",
-          conflicts_with_all = ["reconstruct", "rotate", "map_centre", "outside", "exposure", "ambient"])]
+    #[arg(long, value_enum, value_name = "LAYER", conflicts_with_all = LIGHT_FLAGS)]
     layer: Option<LayerChoice>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum AccessChoice {
+pub enum AccessChoice {
     Mapped,
     Read,
+}
+
+impl From<AccessChoice> for Access {
+    fn from(choice: AccessChoice) -> Self {
+        match choice {
+            AccessChoice::Mapped => Access::Mapped,
+            AccessChoice::Read => Access::Read,
+        }
+    }
 }
 
 /// What is lit with.
 #[derive(Debug, Clone, PartialEq)]
 enum LightPlan {
     Map(PathBuf),
+    /// What messages call it, and its beams.
+    Lighting(String, Vec<Beam>),
     Lamp(usize),
     Layer(LayerChoice),
 }
@@ -116,25 +124,25 @@ impl Arguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.output)?;
-        let light = match (self.light.env, self.light.lamp, self.light.layer) {
-            (Some(map), None, None) => LightPlan::Map(map),
-            (None, Some(number), None) => LightPlan::Lamp(number),
-            (None, None, Some(layer)) => LightPlan::Layer(layer),
-            _ => anyhow::bail!("give one light: --env MAP or --lamp N, or a --layer"),
+        let light = match (self.light.env, self.light.lighting, self.light.lamp, self.light.layer) {
+            (Some(map), None, None, None) => LightPlan::Map(map),
+            (None, Some(name), None, None) => {
+                let file = settings::lighting::find(&name, Path::new(""))?;
+                LightPlan::Lighting(name, file.lighting.beams())
+            }
+            (None, None, Some(number), None) => LightPlan::Lamp(number),
+            (None, None, None, Some(layer)) => LightPlan::Layer(layer),
+            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME or --lamp N, or a --layer"),
         };
-        let look = Look {
+        let mut look = Look {
             method: settings::method(self.reconstruct),
             outside: settings::outside(self.outside),
-            centre: settings::map_centre(self.map_centre),
-            heading_deg: self.rotate,
-            exposure_ev: self.exposure,
             ambient: self.ambient,
+            ..Look::default()
         };
-        let access = match self.access {
-            AccessChoice::Mapped => Access::Mapped,
-            AccessChoice::Read => Access::Read,
-        };
-        Ok(Plan { asset: self.asset, access, output: self.output, light, look })
+        self.map.set(&mut look);
+        self.gain.set(&mut look);
+        Ok(Plan { asset: self.asset, access: self.access.into(), output: self.output, light, look })
     }
 }
 
@@ -155,19 +163,30 @@ impl Plan {
             picture = picture.into_rgb();
         }
         progress::check()?;
-        image::write(&self.output, &picture, EncodeOptions::default())?;
+        let options = EncodeOptions { colour_space: self.look.output_space, ..EncodeOptions::default() };
+        image::write(&self.output, &picture, options)?;
         Ok(format!("{}: {} x {} pixels\n", self.output.display(), picture.width(), picture.height()))
     }
 
     fn weights(&self, relighter: &Relighter) -> anyhow::Result<Weights> {
         match &self.light {
             LightPlan::Lamp(number) => Ok(relighter.weights(Light::Lamp(*number), &self.look)?),
+            LightPlan::Lighting(name, beams) => {
+                let weights = relighter.weights(Light::Beams(beams), &self.look)?;
+                if self.look.outside == Outside::Drop {
+                    let all = beams.iter().fold([0.0; 3], |sum, b| [0, 1, 2].map(|c| sum[c] + b.irradiance[c]));
+                    let light = self.expected(all, ColourSpace::default(), relighter);
+                    tell_what_is_dropped(name, light, &weights);
+                }
+                Ok(weights)
+            }
             LightPlan::Layer(_) => anyhow::bail!("a layer has no light"),
             LightPlan::Map(path) => {
                 let map = EnvMap::load(path).context("cannot use the environment map")?;
                 let weights = relighter.weights(Light::Map(&map), &self.look)?;
                 if self.look.outside == Outside::Drop {
-                    tell_what_is_dropped(path, &map, &weights, &self.look);
+                    let light = self.expected(map.clamped(self.look.clamp).integral(), self.look.map_space, relighter);
+                    tell_what_is_dropped(&path.display().to_string(), light, &weights);
                 }
                 Ok(weights)
             }
@@ -175,25 +194,32 @@ impl Plan {
     }
 }
 
-/// Says so when most of a map's light never reaches a lamp: a dark picture has its reason.
-fn tell_what_is_dropped(path: &Path, map: &EnvMap, weights: &Weights, look: &Look) {
-    let share = dropped_share(map, weights, look);
+impl Plan {
+    /// What the weights of a light would sum to if nothing were dropped: turning and blurring keep integrals.
+    fn expected(&self, light: [f64; 3], space: ColourSpace, relighter: &Relighter) -> [f64; 3] {
+        let mut sum = Weights { rgb: vec![light.map(|v| v as f32)] };
+        sum.convert(&Conversion::between(space, relighter.asset().colour_space()));
+        sum.scale(self.look.gain());
+        sum.rgb[0].map(f64::from)
+    }
+}
+
+/// Says so when most of a light never reaches a lamp: a dark picture has its reason.
+fn tell_what_is_dropped(name: &str, light: [f64; 3], weights: &Weights) {
+    let share = dropped_share(light, weights);
     if share > 0.5 {
         note(&format!(
-            "{:.0} % of the light of {} comes from where no lamp was, and is dropped (--outside nearest keeps it)",
-            100.0 * share,
-            path.display()
+            "{:.0} % of the light of {name} comes from where no lamp was, and is dropped (--outside nearest keeps it)",
+            100.0 * share
         ));
     }
 }
 
-/// `1 - sum_j w_j / integral of L dw` over all channels, exposure taken out: kernels sum to one over the lamps, so what
-/// the weights lack was dropped. 0 for a black map.
-fn dropped_share(map: &EnvMap, weights: &Weights, look: &Look) -> f64 {
-    let (w, h) = map.image().size();
-    let row_sum = |y: usize| map.image().row(y).iter().map(|v| f64::from(*v)).sum::<f64>();
-    let all: f64 = (0..h).map(|y| row_sum(y) * latlong::texel_solid_angle(y, w, h)).sum();
-    let kept: f64 = weights.rgb.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / look.exposure_ev.exp2();
+/// `1 - sum_j w_j / integral of L dw` over all channels: kernels sum to one over the lamps, so what the weights lack of the
+/// light was dropped. 0 for a black map.
+fn dropped_share(light: [f64; 3], weights: &Weights) -> f64 {
+    let all: f64 = light.iter().sum();
+    let kept: f64 = weights.rgb.iter().flatten().map(|v| f64::from(*v)).sum();
     if all > 0.0 { (1.0 - kept / all).clamp(0.0, 1.0) } else { 0.0 }
 }
 
@@ -214,7 +240,7 @@ fn render(relighter: &Relighter, weights: &Weights, look: &Look) -> relume_core:
 }
 
 /// Rows of pixels whose blocks come to about [`BAND_BYTES`]: whole rows of blocks, and enough of them for all threads.
-fn band_rows(layout: Layout, bytes_a_number: usize) -> usize {
+pub fn band_rows(layout: Layout, bytes_a_number: usize) -> usize {
     /// Ample for any machine: threads take whole rows of blocks.
     const FEWEST_BLOCK_ROWS: usize = 32;
     let block_row = layout.columns() * 3 * layout.block_len() * bytes_a_number;
@@ -225,6 +251,7 @@ fn band_rows(layout: Layout, bytes_a_number: usize) -> usize {
 mod tests {
     use clap::Parser;
     use relume_core::illumination::MapCentre;
+    use relume_core::image::ColourSpace;
     use relume_core::reconstruct::Method;
 
     use super::*;
@@ -250,7 +277,8 @@ mod tests {
     #[test]
     fn flags_reach_the_plan() {
         let line = "relight a.rfield --env m.hdr -o out.png --reconstruct zero-order --rotate -90 --map-centre behind \
-                    --outside nearest --exposure=-1.5 --ambient 0.25 --access read";
+                    --outside nearest --exposure=-1.5 --ambient 0.25 --access read --pitch -30 --roll 12.5 \
+                    --tint 1,0.5,0.25 --blur 5 --clamp 10 --map-space acescg --output-space lin_rec2020";
         let plan = parse(line).unwrap().plan().unwrap();
         let look = Look {
             method: Method::ZeroOrder,
@@ -259,6 +287,13 @@ mod tests {
             heading_deg: -90.0,
             exposure_ev: -1.5,
             ambient: 0.25,
+            pitch_deg: -30.0,
+            roll_deg: 12.5,
+            tint: [1.0, 0.5, 0.25],
+            blur_deg: 5.0,
+            clamp: 10.0,
+            map_space: ColourSpace::AcesCg,
+            output_space: ColourSpace::LinRec2020,
         };
         assert_eq!((plan.look, plan.access), (look, Access::Read));
     }
@@ -279,10 +314,25 @@ mod tests {
             "relight a.rfield --env m.hdr -o out.exr --ambient -0.5",
             "relight a.rfield --env m.hdr -o out.exr --reconstruct cubic",
             "relight a.rfield --env m.hdr -o out.exr --reconstruct 1",
+            "relight a.rfield --env m.hdr -o out.exr --pitch up",
+            "relight a.rfield --env m.hdr -o out.exr --roll nan",
+            "relight a.rfield --env m.hdr -o out.exr --blur -1",
+            "relight a.rfield --env m.hdr -o out.exr --blur 181",
+            "relight a.rfield --env m.hdr -o out.exr --clamp -1",
+            "relight a.rfield --env m.hdr -o out.exr --tint 1,2",
+            "relight a.rfield --env m.hdr -o out.exr --tint 1,2,-3",
+            "relight a.rfield --env m.hdr -o out.exr --map-space srgb",
+            "relight a.rfield --env m.hdr -o out.exr --output-space aces",
+            "relight a.rfield --lamp 1 --blur 3 -o out.exr",
+            "relight a.rfield --lamp 1 --pitch 3 -o out.exr",
+            "relight a.rfield --lamp 1 --map-space acescg -o out.exr",
         ] {
             assert!(parse(line).is_err(), "{line}");
         }
-        assert!(parse("relight a.rfield --lamp 1 --exposure 1 --ambient 1 -o out.exr").is_ok());
+        assert!(
+            parse("relight a.rfield --lamp 1 --exposure 1 --ambient 1 --tint 1,0,0 --output-space acescg -o out.exr")
+                .is_ok()
+        );
     }
 
     #[test]
@@ -302,10 +352,9 @@ mod tests {
         // The front hemisphere, 2 pi sr, holds a quarter of the light; one stop up.
         let half_pi = std::f32::consts::TAU * 2.0 / 4.0;
         let weights = Weights { rgb: vec![[half_pi; 3]; 4] };
-        let look = Look { exposure_ev: 1.0, ..Look::default() };
-        assert!((dropped_share(&map, &weights, &look) - 0.75).abs() < 1e-6);
-        let black = EnvMap::from_fn(4, 2, |_| [0.0; 3]);
-        assert_eq!(dropped_share(&black, &Weights::dark(4), &look), 0.0);
+        let light = map.integral().map(|v| 2.0 * v);
+        assert!((dropped_share(light, &weights) - 0.75).abs() < 1e-6);
+        assert_eq!(dropped_share([0.0; 3], &Weights::dark(4)), 0.0);
     }
 
     #[test]

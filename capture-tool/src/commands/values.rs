@@ -4,6 +4,8 @@
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use relume_core::evaluate::{FEWEST_KEPT, Keep};
+use relume_core::image::ColourSpace;
 use relume_core::settings::{Kind, Setting};
 
 /// A parser for a number of the table.
@@ -11,6 +13,7 @@ pub fn number(setting: &'static Setting) -> impl Fn(&str) -> Result<f64, String>
     let (low, high) = match setting.kind {
         Kind::Number { hard, .. } => hard,
         Kind::Integer { hard, .. } => (f64::from(hard.0), f64::from(hard.1)),
+        Kind::Colour { hard, .. } => hard,
         Kind::Choice { .. } | Kind::File => (f64::NEG_INFINITY, f64::INFINITY),
     };
     move |text| {
@@ -19,12 +22,34 @@ pub fn number(setting: &'static Setting) -> impl Fn(&str) -> Result<f64, String>
     }
 }
 
+/// A parser for a colour of the table: three numbers with commas between them.
+pub fn colour(setting: &'static Setting) -> impl Fn(&str) -> Result<[f64; 3], String> + Clone {
+    let channel = number(setting);
+    move |text| {
+        let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+        let [r, g, b] = parts[..] else {
+            let count = if parts.len() == 1 { "one number".to_owned() } else { format!("{} numbers", parts.len()) };
+            return Err(format!("{count}; write red, green and blue, as in 1,0.9,0.8"));
+        };
+        let read = |part: &str| channel(part).map_err(|error| format!("`{part}` is {error}"));
+        Ok([read(r)?, read(g)?, read(b)?])
+    }
+}
+
+/// A parser for a colour space, by its id. An unknown one is refused with the nearest known.
+pub fn colour_space(text: &str) -> Result<ColourSpace, String> {
+    text.parse().map_err(|error| match error {
+        relume_core::Error::Invalid { expected, .. } => format!("no known colour space; it must be {expected}"),
+        other => other.to_string(),
+    })
+}
+
 /// The neutral value of a number of the table.
 pub fn neutral(setting: &Setting) -> f64 {
     match setting.kind {
         Kind::Number { default, .. } => default,
         Kind::Integer { default, .. } => f64::from(default),
-        Kind::Choice { .. } | Kind::File => 0.0,
+        Kind::Choice { .. } | Kind::Colour { .. } | Kind::File => 0.0,
     }
 }
 
@@ -88,6 +113,33 @@ fn listed<T, const N: usize>(text: &str, parse: impl Fn(&str) -> Result<T, Strin
     parts.try_into().map_err(|_| format!("{found} numbers in place of {N}, with commas between and decimal dots"))
 }
 
+/// How many lamps to keep: a part below one, as 1/4 or 0.25, or a whole number.
+pub fn keep(text: &str) -> Result<Keep, String> {
+    const WANTED: &str = "not a part such as 1/4 or 0.25, nor a whole number of lamps";
+    let part = |share: f64| {
+        if share > 0.0 && share < 1.0 {
+            Ok(Keep::Share(share))
+        } else {
+            Err("not a part more than zero and less than one".to_owned())
+        }
+    };
+    if let Some((above, below)) = text.split_once('/') {
+        let number = |text: &str| u32::from_str(text.trim()).map_err(|_| WANTED.to_owned());
+        let (above, below) = (number(above)?, number(below)?);
+        return if below == 0 {
+            Err("divided by nothing".to_owned())
+        } else {
+            part(f64::from(above) / f64::from(below))
+        };
+    }
+    match usize::from_str(text) {
+        Ok(count) if count < FEWEST_KEPT => Err(format!("at least {FEWEST_KEPT} lamps are needed")),
+        Ok(count) => Ok(Keep::Count(count)),
+        Err(_) if text.contains('.') || text.contains(',') => part(finite(text)?),
+        Err(_) => Err(WANTED.to_owned()),
+    }
+}
+
 fn finite(text: &str) -> Result<f64, String> {
     match f64::from_str(text) {
         Ok(value) if value.is_finite() => Ok(value),
@@ -122,9 +174,31 @@ mod tests {
                     assert!((hard.0..=hard.1).contains(&default), "{}", setting.id);
                 }
                 Kind::Choice { default, options } => assert_eq!(neutral_option(setting), options[default].0),
+                Kind::Colour { default, hard, .. } => {
+                    assert!(default.iter().all(|v| (hard.0..=hard.1).contains(v)), "{}", setting.id);
+                }
                 Kind::Integer { .. } | Kind::File => {}
             }
         }
+    }
+
+    #[test]
+    fn colours_are_three_numbers_and_spaces_have_names() {
+        let parse = colour(&settings::TINT);
+        assert_eq!(parse("1, 0.5,2"), Ok([1.0, 0.5, 2.0]));
+        for (bad, said) in [
+            ("1,2", "2 numbers"),
+            ("1", "one number"),
+            ("1,2,3,4", "4 numbers"),
+            ("1,nan,1", "finite"),
+            ("1,-1,1", "between"),
+        ] {
+            let message = parse(bad).unwrap_err();
+            assert!(message.contains(said), "{bad}: {message}");
+        }
+        assert_eq!(colour_space("acescg"), Ok(ColourSpace::AcesCg));
+        let message = colour_space("acescgg").unwrap_err();
+        assert!(message.contains("`acescg` is near") && message.contains("lin_p3d65"), "{message}");
     }
 
     #[test]
@@ -132,6 +206,18 @@ mod tests {
         assert_eq!(positive("2"), Ok(2.0));
         for bad in ["0", "-1", "1e60", "1e-60", "nan", "inf"] {
             assert!(positive(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_set() {
+        assert_eq!(keep("1/4"), Ok(Keep::Share(0.25)));
+        assert_eq!(keep("0.25"), Ok(Keep::Share(0.25)));
+        assert_eq!(keep("320"), Ok(Keep::Count(320)));
+        for bad in
+            ["0", "3", "1/0", "0/4", "4/4", "5/4", "-1/4", "1/4/2", "1.5", "0.0", "-4", "nan", "", "quarter", "0,25"]
+        {
+            assert!(keep(bad).is_err(), "{bad}");
         }
     }
 }

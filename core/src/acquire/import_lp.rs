@@ -13,7 +13,7 @@ use crate::domain::{Directions, lp};
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, Bands, Contents, Precision, write};
 use crate::files::{check_folder, folder_of};
-use crate::image::{Encoding, Image, probe_size, read};
+use crate::image::{ColourSpace, Encoding, Image, probe_size, read};
 
 /// What to import, and how.
 #[derive(Debug, Clone)]
@@ -28,6 +28,8 @@ pub struct ImportLp {
     pub alpha: Option<PathBuf>,
     /// E: the irradiance of every lamp on a patch facing it. pi makes a white diffuser facing the lamp photograph as 1.
     pub irradiance: f32,
+    /// The colours of the photographs: of their primaries, once decoded to light.
+    pub colour_space: ColourSpace,
     /// How `T` is stored.
     pub precision: Precision,
     /// What to do with vectors that are not of unit length.
@@ -104,6 +106,7 @@ impl ImportLp {
             domain,
             width,
             height,
+            colour_space: self.colour_space,
             precision: self.precision,
             largest: photographs.largest(),
             ambient: black,

@@ -184,6 +184,11 @@ impl Directions {
         self.tree.nearest_neighbor([direction.x, direction.y, direction.z]).map_or(0, |site| site.data as usize)
     }
 
+    /// The sites, nearest first.
+    pub fn nearest_sites(&self, direction: &Vec3) -> impl Iterator<Item = usize> {
+        self.tree.nearest_neighbor_iter([direction.x, direction.y, direction.z]).map(|site| site.data as usize)
+    }
+
     /// Median over the sites of the angle to the nearest other site; a lone site has a right angle to itself.
     pub fn median_spacing(&self) -> f64 {
         let nearest_other = |s: &Vec3| {

@@ -13,7 +13,7 @@ use super::npy;
 use super::store::{Access, Scratch, Store};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::image::Image;
+use crate::image::{ColourSpace, Image};
 
 /// How much is hashed at a time.
 const HASH_CHUNK: u64 = 16 << 20;
@@ -23,6 +23,7 @@ const HASH_CHUNK: u64 = 16 << 20;
 #[derive(Debug)]
 pub struct Asset {
     manifest: Manifest,
+    colour_space: ColourSpace,
     domain: Arc<Directions>,
     dense: Dense,
     ambient: Option<Image>,
@@ -45,6 +46,7 @@ impl Asset {
         let manifest = Manifest::parse(&archive::manifest_bytes(path, &entries)?, &place)?;
         let domain =
             manifest.directions().map_err(|error| Error::invalid(&place, error.to_string(), "a usable domain"))?;
+        let colour_space = manifest.colours()?;
         let store = Arc::new(Store::open(path, access)?);
         let layout = Layout { width: manifest.width, height: manifest.height, elements: domain.len() };
         let Representation::Dense { array, precision, scale, .. } = &manifest.representation;
@@ -66,7 +68,18 @@ impl Asset {
             entry.map(|entry| Ok(Picture::new(entry, open.array(entry, "<f4", &[h, w, 3], 4)?))).transpose()
         };
         let (normals, albedo) = (picture("normals")?, picture("albedo")?);
-        Ok(Self { manifest, domain: Arc::new(domain), dense, ambient, alpha, normals, albedo, entries, store })
+        Ok(Self {
+            manifest,
+            colour_space,
+            domain: Arc::new(domain),
+            dense,
+            ambient,
+            alpha,
+            normals,
+            albedo,
+            entries,
+            store,
+        })
     }
 
     /// Where it lies.
@@ -82,6 +95,11 @@ impl Asset {
     /// What it says of itself.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
+    }
+
+    /// The colours of transport and layers.
+    pub fn colour_space(&self) -> ColourSpace {
+        self.colour_space
     }
 
     /// Columns of the pictures.

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::domain::{Axis, Coverage, Directions};
 use crate::error::{Error, Result};
+use crate::image::ColourSpace;
 use crate::math::Vec3;
 
 /// The `format` field of every manifest.
@@ -55,7 +56,7 @@ pub struct Manifest {
     pub version: [u32; 2],
     /// Program and version that wrote it.
     pub tool: String,
-    /// Primaries of all colours; `lin_rec709` unless said otherwise.
+    /// Id of the [`ColourSpace`] of all colours; `lin_rec709` unless said otherwise.
     pub colour_space: String,
     /// Columns of the pictures.
     pub width: usize,
@@ -159,6 +160,10 @@ impl Manifest {
         if irradiance.len() != directions.len() || irradiance.iter().any(|e| !(e.is_finite() && *e > 0.0)) {
             return refuse(format!("{} irradiances", irradiance.len()), "one positive number a lamp");
         }
+        let known: Result<ColourSpace> = self.colour_space.parse();
+        if let Err(Error::Invalid { found, expected, .. }) = known {
+            return refuse(format!("colour space {found}"), &expected);
+        }
         if basis != "lamps" {
             return refuse(format!("basis `{basis}`"), "`lamps`");
         }
@@ -167,6 +172,14 @@ impl Manifest {
             return refuse(format!("scale {scale}"), "a power of two");
         }
         Ok(())
+    }
+
+    /// The colours of transport and layers.
+    ///
+    /// # Errors
+    /// An id that is not known; [`Manifest::parse`] has refused it already.
+    pub fn colours(&self) -> Result<ColourSpace> {
+        self.colour_space.parse()
     }
 
     /// The lamps.

@@ -37,6 +37,7 @@ impl Bands for Formula {
 
 fn contents(precision: Precision, width: usize, height: usize) -> Contents {
     Contents {
+        colour_space: Default::default(),
         domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()]).unwrap(),
         irradiance: vec![1.0, 2.0, std::f32::consts::PI],
         width,
@@ -233,6 +234,8 @@ fn hostile_containers_get_a_sentence() {
         ("header", Box::new(manifest("\"width\": 37", "\"width\": 131072"))),
         ("power of two", Box::new(manifest("\"scale\": 0.015625", "\"scale\": 0.3"))),
         ("unknown variant", Box::new(manifest("\"kind\": \"dense\"", "\"kind\": \"holographic\""))),
+        ("colour space `lin_rec7O9`", Box::new(manifest("\"lin_rec709\"", "\"lin_rec7O9\""))),
+        ("aces2065_1, lin_p3d65 (`lin_rec709` is near)", Box::new(manifest("\"lin_rec709\"", "\"lin_rec7O9\""))),
         ("irradiances", Box::new(manifest("\"irradiance\": [", "\"irradiance\": [ 1.0,"))),
         (
             "unit vector",

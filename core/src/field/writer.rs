@@ -18,7 +18,7 @@ use super::npy;
 use crate::domain::Directions;
 use crate::error::{Error, Result};
 use crate::files::write_whole;
-use crate::image::{Image, encode_png8};
+use crate::image::{ColourSpace, Conversion, Image, encode_png8};
 
 /// `T` is asked for in pieces of about this many bytes (as f32).
 const PIECE_BYTES: usize = 64 << 20;
@@ -36,6 +36,8 @@ pub struct Contents {
     pub width: usize,
     /// Rows of the pictures.
     pub height: usize,
+    /// The colours of `T` and the layers.
+    pub colour_space: ColourSpace,
     /// How `T` is stored.
     pub precision: Precision,
     /// The largest |T| there can be; it sets the scale of halves.
@@ -89,12 +91,15 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
             out.floats("layers/alpha.npy", &[layout.height, layout.width], alpha)?;
             layers.insert("alpha".to_owned(), "layers/alpha.npy".to_owned());
         }
+        let mut preview = preview;
+        // sRGB has the primaries of Rec. 709.
+        preview.convert(&Conversion::between(contents.colour_space, ColourSpace::LinRec709));
         out.entry("preview.png", &encode_png8(&exposed(preview))?)?;
         let manifest = Manifest {
             format: FORMAT.to_owned(),
             version: VERSION,
             tool: concat!("relume ", env!("CARGO_PKG_VERSION")).to_owned(),
-            colour_space: "lin_rec709".to_owned(),
+            colour_space: contents.colour_space.id().to_owned(),
             width: layout.width,
             height: layout.height,
             domain: Domain::Directions {

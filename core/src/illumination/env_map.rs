@@ -6,7 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::image::{Encoding, Image, read};
+use crate::image::{Conversion, Encoding, Image, read};
 use crate::math::{Vec3, latlong};
 
 /// What stands in the middle column of a map.
@@ -22,7 +22,7 @@ pub enum MapCentre {
 /// Radiance from every direction: a lat-long map in linear RGB, laid out as [`latlong`] says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnvMap {
-    image: Image,
+    pub(super) image: Image,
 }
 
 impl EnvMap {
@@ -93,13 +93,19 @@ impl EnvMap {
         self.averaged((w.min(widest), h.min((widest / 2).max(1))))
     }
 
-    /// The map averaged down to a size, as [`EnvMap::reduced`] does; the map itself where it has that size.
+    /// The map averaged to a size, as [`EnvMap::resized`] does; the map itself where it has that size.
     pub fn averaged(&self, (new_w, new_h): (usize, usize)) -> Cow<'_, Self> {
-        let (w, h) = self.image.size();
-        if (new_w, new_h) == (w, h) {
-            return Cow::Borrowed(self);
-        }
-        let (columns, rows) = reduction((w, h), (new_w, new_h));
+        if (new_w, new_h) == self.image.size() { Cow::Borrowed(self) } else { Cow::Owned(self.resized(new_w, new_h)) }
+    }
+
+    /// The map over another grid: each new texel the mean radiance of what it covers, weighted by solid angle, so that
+    /// energy is kept to rounding. A finer grid shows the old texels.
+    ///
+    /// # Panics
+    /// For a size of 0.
+    pub fn resized(&self, new_w: usize, new_h: usize) -> Self {
+        assert!(new_w > 0 && new_h > 0, "maps have at least one texel");
+        let (columns, rows) = reduction(self.image.size(), (new_w, new_h));
         let mean = |i: usize, j: usize| {
             let mut sum = [0.0f64; 3];
             for &(y, row_share) in &rows[j] {
@@ -112,8 +118,54 @@ impl EnvMap {
         };
         let rows: Vec<Vec<[f32; 3]>> =
             (0..new_h).into_par_iter().map(|j| (0..new_w).map(|i| mean(i, j)).collect()).collect();
-        let image = Image::from_fn(new_w, new_h, |i, j| rows[j][i]);
-        Cow::Owned(Self { image })
+        Self { image: Image::from_fn(new_w, new_h, |i, j| rows[j][i]) }
+    }
+
+    /// The integral of radiance over the sphere, for each channel, in radiance times steradian.
+    pub fn integral(&self) -> [f64; 3] {
+        self.integral_of(|v| v)
+    }
+
+    /// The integral of a function of the radiance.
+    pub(super) fn integral_of(&self, f: impl Fn(f64) -> f64) -> [f64; 3] {
+        let (w, h) = self.image.size();
+        let mut sum = [0.0; 3];
+        for j in 0..h {
+            let omega = latlong::texel_solid_angle(j, w, h);
+            let row = self.image.row(j);
+            (0..3).for_each(|c| sum[c] += omega * row.iter().skip(c).step_by(3).map(|&v| f(v.into())).sum::<f64>());
+        }
+        sum
+    }
+
+    /// Limits radiance: a texel whose brightest channel exceeds `most` is scaled down as a whole until it does not, so that it
+    /// keeps its hue. A map that has no such texel is borrowed, and so is any for `most` of 0 or less, which is no limit.
+    pub fn clamped(&self, most: f64) -> Cow<'_, Self> {
+        let most = most as f32;
+        let brightest = |p: &[f32]| p[0].max(p[1]).max(p[2]);
+        if most.is_nan() || most <= 0.0 || self.image.data().chunks_exact(3).all(|p| brightest(p) <= most) {
+            return Cow::Borrowed(self);
+        }
+        let mut map = self.clone();
+        for pixel in map.image.data_mut().chunks_exact_mut(3) {
+            let b = brightest(pixel);
+            if b > most {
+                pixel.iter_mut().for_each(|v| *v = if *v == b { most } else { *v / b * most });
+            }
+        }
+        Cow::Owned(map)
+    }
+
+    /// Multiplies each channel.
+    pub fn scaled(mut self, gain: [f32; 3]) -> Self {
+        self.image.data_mut().chunks_exact_mut(3).for_each(|p| p.iter_mut().zip(gain).for_each(|(v, g)| *v *= g));
+        self
+    }
+
+    /// The same light in another colour space.
+    pub fn converted(mut self, conversion: &Conversion) -> Self {
+        self.image.convert(conversion);
+        self
     }
 
     /// The adjoint of [`EnvMap::averaged`] for one channel: numbers of an averaged map of size `from`, each spread over the
@@ -211,17 +263,30 @@ mod tests {
     #[test]
     fn reducing_keeps_energy() {
         let map = EnvMap::from_fn(300, 151, |d| [(1.0 + d.x * d.y) as f32, d.z.abs() as f32, (d.y > 0.9) as u8 as f32]);
-        let energy = |m: &EnvMap, c: usize| -> f64 {
-            let (w, h) = m.image().size();
-            let row = |j: usize| m.image().row(j).chunks(3).map(|p| f64::from(p[c])).sum::<f64>();
-            (0..h).map(|j| row(j) * latlong::texel_solid_angle(j, w, h)).sum()
-        };
         let small = map.reduced(64);
         assert_eq!(small.image().size(), (64, 32));
-        for c in 0..3 {
-            assert!((energy(&small, c) / energy(&map, c) - 1.0).abs() < 1e-6);
+        for other in [small.into_owned(), map.resized(431, 200)] {
+            for c in 0..3 {
+                assert!((other.integral()[c] / map.integral()[c] - 1.0).abs() < 1e-6);
+            }
         }
         assert_eq!(map.reduced(300).image().size(), (300, 150));
+    }
+
+    #[test]
+    fn clamping_keeps_hue() {
+        let map = EnvMap::new(Image::from_data(2, 1, 3, vec![8.0, 4.0, -2.0, 0.5, 1.0, 0.25]).unwrap()).unwrap();
+        assert_eq!(map.clamped(2.0).image().data(), [2.0, 1.0, -0.5, 0.5, 1.0, 0.25]);
+        for unlimited in [0.0, 8.0, -1.0, f64::NAN] {
+            assert!(matches!(map.clamped(unlimited), Cow::Borrowed(_)), "{unlimited}");
+        }
+    }
+
+    #[test]
+    fn the_integral_of_one_is_the_sphere() {
+        let integral = EnvMap::from_fn(37, 18, |_| [1.0, 0.0, -0.5]).integral();
+        let sphere = 4.0 * std::f64::consts::PI;
+        assert!((integral[0] - sphere).abs() < 1e-9 && integral[1] == 0.0 && (integral[2] + sphere / 2.0).abs() < 1e-9);
     }
 
     #[test]

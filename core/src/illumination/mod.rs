@@ -2,9 +2,21 @@
 //!
 //! A file or a host's picture becomes an [`EnvMap`] in the stage frame, lamps become [`Beam`]s; reconstruction turns
 //! either into weights.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `env_map` | lat-long maps of radiance: sizes, integrals, clamping, colours, heading |
+//! | `turn` | turning a map about any axis |
+//! | `blur` | blurring by an angle |
+//! | `beam` | light from one direction |
+//! | [`lighting`] | lamps that an artist sets up, as beams |
 
 mod beam;
+mod blur;
 mod env_map;
+pub mod lighting;
+mod turn;
 
 pub use beam::Beam;
 pub use env_map::{EnvMap, MapCentre};
+pub use lighting::Lighting;

@@ -25,7 +25,7 @@ use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
 
 use super::stored::{Alpha, Samples, Stored, check_size};
-use super::{EncodeOptions, Image};
+use super::{ColourSpace, EncodeOptions, Image, Primaries};
 use crate::error::{Error, Result};
 
 /// Blocks decompressed together: enough for every thread, little enough memory.
@@ -275,7 +275,7 @@ fn no_picture(path: &Path, meta: &MetaData) -> Error {
     )
 }
 
-/// Writes one part of half or float R, G, B (and A), ZIP-compressed scan lines, with the primaries of Rec. 709. Halves
+/// Writes one part of half or float R, G, B (and A), ZIP-compressed scan lines, with the primaries of its colour space. Halves
 /// beyond the largest, 65504, are clamped to it: an infinity could not be read back.
 ///
 /// # Errors
@@ -303,20 +303,19 @@ pub(super) fn write(path: &Path, writer: impl Write + Seek, image: &Image, optio
         exrs::AnyChannels::sort(channels.collect()),
     );
     let mut picture = exrs::Image::from_layer(layer);
-    picture.attributes.chromaticities = Some(REC709);
+    picture.attributes.chromaticities = Some(chromaticities(options.colour_space));
     picture.write().to_buffered(writer).map_err(|error| match error {
         ExrError::Io(source) => Error::io("write", path, source),
         other => Error::invalid(path.display().to_string(), other.to_string(), "a picture that fits an OpenEXR file"),
     })
 }
 
-/// Primaries and white of ITU-R BT.709.
-const REC709: Chromaticities = Chromaticities {
-    red: Vec2(0.64, 0.33),
-    green: Vec2(0.30, 0.60),
-    blue: Vec2(0.15, 0.06),
-    white: Vec2(0.3127, 0.3290),
-};
+/// Primaries and white as the attribute has them.
+fn chromaticities(space: ColourSpace) -> Chromaticities {
+    let Primaries { red, green, blue, white } = space.primaries();
+    let [red, green, blue, white] = [red, green, blue, white].map(|[x, y]| Vec2(x as f32, y as f32));
+    Chromaticities { red, green, blue, white }
+}
 
 fn failure(path: &Path, error: ExrError) -> Error {
     match error {
@@ -615,9 +614,12 @@ mod tests {
     fn alpha_stays_associated_and_primaries_are_written() {
         let folder = Folder::new();
         let image = Image::from_data(2, 1, 4, vec![0.5, 0.25, 0.125, 0.5, 3.0, 0.0, 0.0, 0.0]).unwrap();
-        write(&folder.file(), &image, EncodeOptions::default()).unwrap();
-        assert_eq!(read(&folder.file(), Encoding::Auto).unwrap(), image);
-        let meta = MetaData::read_from_file(folder.file(), true).unwrap();
-        assert_eq!(meta.headers[0].shared_attributes.chromaticities, Some(REC709));
+        for (colour_space, green) in [(ColourSpace::LinRec709, (0.30, 0.60)), (ColourSpace::AcesCg, (0.165, 0.830))] {
+            write(&folder.file(), &image, EncodeOptions { colour_space, ..EncodeOptions::default() }).unwrap();
+            assert_eq!(read(&folder.file(), Encoding::Auto).unwrap(), image);
+            let meta = MetaData::read_from_file(folder.file(), true).unwrap();
+            let found = meta.headers[0].shared_attributes.chromaticities.unwrap();
+            assert_eq!((found.green.0, found.green.1), green);
+        }
     }
 }

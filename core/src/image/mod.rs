@@ -12,7 +12,9 @@
 //! | `stored` | samples as a file holds them -> linear, premultiplied f32 |
 //! | `write` | chooses the type by extension; HDR, PNG and JPEG out |
 //! | [`srgb`] | the transfer curve |
+//! | `colour` | colour spaces and the matrices between them |
 
+mod colour;
 mod exr;
 mod raster;
 mod read;
@@ -21,7 +23,8 @@ mod stored;
 mod tiff;
 mod write;
 
-pub use read::{Encoding, probe_size, read};
+pub use colour::{ColourSpace, Conversion, Primaries};
+pub use read::{Encoding, SampleType, probe_size, read, read_codes};
 pub use write::{EncodeOptions, check_output, encode_png8, write};
 
 use crate::error::{Error, Result};

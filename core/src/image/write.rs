@@ -8,7 +8,7 @@ use ::image::codecs::{hdr::HdrEncoder, jpeg::JpegEncoder};
 use ::image::{ExtendedColorType, ImageEncoder, ImageError, Rgb};
 
 use super::stored::{check_size, refuse_non_finite};
-use super::{Image, exr, srgb, tiff};
+use super::{ColourSpace, Image, exr, srgb, tiff};
 use crate::error::{Error, Result};
 use crate::files::{check_folder, write_whole};
 
@@ -19,6 +19,8 @@ pub struct EncodeOptions {
     pub half: bool,
     /// PNG: 8 bits in place of 16.
     pub png8: bool,
+    /// EXR: the space of the colours, told in the file. Nothing is converted; other types cannot tell it.
+    pub colour_space: ColourSpace,
 }
 
 /// JPEG quality: no visible blocks; who needs exact numbers takes another type.
@@ -37,7 +39,7 @@ enum FileType {
 ///
 /// | extension | samples | alpha |
 /// |---|---|---|
-/// | `.exr` | linear float, or half; ZIP, primaries of Rec. 709 | premultiplied (associated) |
+/// | `.exr` | linear float, or half; ZIP, with its primaries | premultiplied (associated) |
 /// | `.hdr` | linear RGBE, rounded to the nearest; negatives become 0 | dropped: colour over black |
 /// | `.png` | sRGB, 16 bits, or 8; clamped to 0..1 | divided out; where it is 0 so is colour |
 /// | `.tif`, `.tiff` | linear float | premultiplied, tagged as associated |

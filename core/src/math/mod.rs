@@ -4,10 +4,17 @@
 //! towards the camera. A light direction is a unit vector from the object to the light. Angles are radians unless a
 //! name says `_deg`.
 
+pub mod harmonics;
 pub mod latlong;
+mod orientation;
+
+pub use orientation::Orientation;
 
 /// A vector or point in the stage frame.
 pub type Vec3 = nalgebra::Vector3<f64>;
+
+/// A 3 x 3 matrix, as of a rotation.
+pub type Mat3 = nalgebra::Matrix3<f64>;
 
 /// The angle between two unit vectors, exact also near 0 and pi (Kahan's two-argument form).
 pub fn angle_between(a: &Vec3, b: &Vec3) -> f64 {

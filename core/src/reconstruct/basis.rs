@@ -19,9 +19,15 @@ pub(super) trait Basis: Debug + Send + Sync {
     /// Into how many parts a side of a texel is cut where regions meet in it.
     fn refinement(&self) -> usize;
 
-    /// Maps with more columns than this hold nothing that the functions resolve: they are averaged down to it.
+    /// Maps with more columns than this hold nothing that the functions resolve: they are averaged down to it. Coarser maps
+    /// are cut until the functions are looked at about as finely, or 1024 columns finely.
     fn finest_columns(&self) -> usize {
         usize::MAX
+    }
+
+    /// How many bands, where the functions are the spherical harmonics: their integrals over a map are separable.
+    fn bands(&self) -> Option<usize> {
+        None
     }
 }
 

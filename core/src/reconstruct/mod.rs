@@ -12,21 +12,33 @@
 //! | `basis` | what a method is made of: functions, and the fit |
 //! | `zero_order` | spherical Voronoi cells (4.3.1) |
 //! | `delaunay`, `linear` | spherical Delaunay triangles and barycentric weights (4.3.2) |
+//! | `inverse_distance` | Shepard's weights of the 32 nearest (4.3.3) |
+//! | `harmonics`, `harmonic_moments` | spherical harmonics by least squares (4.3.4), and their separable integrals |
+//! | `wavelet_grid` | scaling functions on a grid of longitudes and latitudes (4.3.5) |
+//! | `lattice`, `spline` | multi-level B-splines on paraboloid maps (4.3.6) |
 //! | `reconstruction` | a method over one set of lamps |
 //! | `texels`, `sparse` | functions integrated over the texels of a map |
 //! | `operator` | both together: `downsample` and `upsample` |
 
 mod basis;
 mod delaunay;
+mod harmonic_moments;
+mod harmonics;
+mod inverse_distance;
+mod lattice;
 mod linear;
 mod operator;
 mod reconstruction;
 mod sparse;
+mod spline;
 mod texels;
+mod wavelet_grid;
 mod zero_order;
 
 pub use operator::Operator;
 pub use reconstruction::Reconstruction;
+
+use crate::wavelet::Wavelet;
 
 /// How the reflectance function is filled in between the lamps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -36,26 +48,60 @@ pub enum Method {
     /// Barycentric in the spherical Delaunay triangle (4.3.2).
     #[default]
     Linear,
+    /// The 32 nearest lamps, weighted by the inverse square of the angle (4.3.3).
+    InverseDistance,
+    /// Spherical harmonics of some bands, bands squared functions, fitted by least squares (4.3.4).
+    Harmonics {
+        /// 5, 15 or 25 in the thesis.
+        bands: u32,
+    },
+    /// The scaling functions of a wavelet; needs lamps on a grid of longitudes and latitudes (4.3.5).
+    Wavelet(Wavelet),
+    /// Multi-level B-splines (4.3.6).
+    BSpline,
 }
 
 impl Method {
-    /// Every method, in permanent order.
-    pub const ALL: &'static [Self] = &[Self::ZeroOrder, Self::Linear];
+    /// Every method that a user can choose, in permanent order.
+    pub const ALL: &'static [Self] = &[
+        Self::ZeroOrder,
+        Self::Linear,
+        Self::InverseDistance,
+        Self::Harmonics { bands: 5 },
+        Self::Harmonics { bands: 15 },
+        Self::Harmonics { bands: 25 },
+        Self::Wavelet(Wavelet::Haar),
+        Self::Wavelet(Wavelet::LeGall53),
+        Self::Wavelet(Wavelet::Daubechies97),
+        Self::BSpline,
+    ];
 
-    /// Permanent name for command lines and files.
+    /// Permanent names for command lines and files, and names for people, in the order of [`Method::ALL`].
+    pub const NAMES: &'static [(&'static str, &'static str)] = &[
+        ("zero-order", "Zero-order"),
+        ("linear", "Linear"),
+        ("inverse-distance", "Inverse distance"),
+        ("harmonics-25", "25 spherical harmonics"),
+        ("harmonics-225", "225 spherical harmonics"),
+        ("harmonics-625", "625 spherical harmonics"),
+        ("haar", "Haar wavelet"),
+        ("5/3", "5/3 wavelet"),
+        ("9/7", "9/7 wavelet"),
+        ("b-spline", "Multi-level B-spline"),
+    ];
+
+    /// The permanent name of one of [`Method::ALL`]; empty for another.
     pub fn id(self) -> &'static str {
-        match self {
-            Self::ZeroOrder => "zero-order",
-            Self::Linear => "linear",
-        }
+        self.names().0
     }
 
-    /// Name for people.
+    /// The name for people of one of [`Method::ALL`]; empty for another.
     pub fn label(self) -> &'static str {
-        match self {
-            Self::ZeroOrder => "Zero-order",
-            Self::Linear => "Linear",
-        }
+        self.names().1
+    }
+
+    fn names(self) -> (&'static str, &'static str) {
+        Self::ALL.iter().position(|method| *method == self).map_or(("", ""), |n| Self::NAMES[n])
     }
 }
 

@@ -3,11 +3,15 @@
 use std::sync::Arc;
 
 use super::basis::{Basis, Fit};
+use super::harmonics::{Harmonics, LeastSquares};
+use super::inverse_distance::InverseDistance;
 use super::linear::Linear;
+use super::spline::{MultiLevel, SplineFunctions};
+use super::wavelet_grid::WaveletGrid;
 use super::zero_order::ZeroOrder;
 use super::{Method, Outside};
 use crate::domain::Directions;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::illumination::Beam;
 use crate::math::Vec3;
 
@@ -41,6 +45,16 @@ impl Reconstruction {
         let (basis, fit): (Arc<dyn Basis>, Option<Arc<dyn Fit>>) = match method {
             Method::ZeroOrder => (Arc::new(ZeroOrder::new(domain.clone())), None),
             Method::Linear => (Arc::new(Linear::new(domain.clone())), None),
+            Method::InverseDistance => (Arc::new(InverseDistance::new(domain.clone())), None),
+            Method::Harmonics { bands } => {
+                let bands = bands.max(1) as usize;
+                (Arc::new(Harmonics::new(bands)), Some(Arc::new(LeastSquares::new(&domain, bands))))
+            }
+            Method::Wavelet(wavelet) => {
+                let grid = WaveletGrid::new(domain.clone(), wavelet).ok_or_else(|| no_grid(method))?;
+                (Arc::new(grid), None)
+            }
+            Method::BSpline => (Arc::new(SplineFunctions::new(&domain)), Some(Arc::new(MultiLevel::new(&domain)))),
         };
         Ok(Self { domain, method, basis, fit })
     }
@@ -150,6 +164,14 @@ impl Reconstruction {
         let mut all = vec![0.0; self.basis.len()];
         values.iter().for_each(|&(n, value)| all[n as usize] += value);
         all
+    }
+}
+
+fn no_grid(method: Method) -> Error {
+    Error::Unsupported {
+        place: "the lamps".to_owned(),
+        what: format!("`{}` on lamps that do not stand on rings of equal longitudes", method.id()),
+        advice: "use linear, b-spline, inverse-distance, zero-order or harmonics".to_owned(),
     }
 }
 

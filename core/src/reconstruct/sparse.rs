@@ -29,6 +29,11 @@ impl Sparse {
         Self { texels, starts, entries }
     }
 
+    /// What a product reads.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.entries) + size_of_val(&*self.starts)
+    }
+
     fn row(&self, function: usize) -> &[(u32, f32)] {
         &self.entries[self.starts[function]..self.starts[function + 1]]
     }

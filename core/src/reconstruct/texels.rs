@@ -7,8 +7,7 @@ use super::basis::Basis;
 use crate::domain::Directions;
 use crate::math::{Vec3, latlong};
 
-/// Texels are cut until the functions are looked at on at least this many rows: 0.35 degrees, a small part of any rig's
-/// cell.
+/// Fine enough for any rig's cells: 0.35 degrees.
 pub(super) const FINEST_ROWS: usize = 512;
 /// Into how many parts a side is cut at the rim of the coverage, whose solid angle must be right to 1e-4.
 const RIM_REFINEMENT: usize = 16;
@@ -33,6 +32,8 @@ pub(super) struct Texels<'a> {
     pub outside: Outside,
     pub width: usize,
     pub height: usize,
+    /// Texels are cut until there are this many rows, if the functions are worth it.
+    pub finest_rows: usize,
 }
 
 /// (function, steradians) of one texel, unmerged.
@@ -63,7 +64,7 @@ impl Texels<'_> {
 
     /// Each texel is cut into this many by this many patches to begin with.
     fn cut(&self) -> usize {
-        FINEST_ROWS.div_ceil(self.height).max(1)
+        (self.basis.finest_columns() / 2).min(self.finest_rows).div_ceil(self.height).max(1)
     }
 
     /// The entries of row `j`, and the solid angle that somebody answers for.

@@ -1,13 +1,11 @@
-//! An asset, its cached projections, and a user's look.
+//! An asset and its cached projections.
 
 use super::projections::Projections;
-use super::{Weights, apply};
+use super::{Look, Weights, apply, prepared};
 use crate::error::{Error, Result};
 use crate::field::Asset;
-use crate::illumination::{Beam, EnvMap, MapCentre};
-use crate::image::{Image, Window};
-use crate::math::rotate_heading;
-use crate::reconstruct::{Method, Outside};
+use crate::illumination::{Beam, EnvMap};
+use crate::image::{ColourSpace, Conversion, Image, Window};
 
 /// Maps wider than this are averaged down before projection: 0.18 degrees a texel is far below any rig's cell, and the
 /// operator of a larger map would take hundreds of megabytes. Whoever keeps a map for many pictures may [reduce](EnvMap::reduced) it
@@ -19,40 +17,11 @@ pub const WIDEST_MAP: usize = 2048;
 pub enum Light<'a> {
     /// A lat-long map.
     Map(&'a EnvMap),
-    /// Beams in the stage frame: the heading of the look turns them as it turns a map.
+    /// Beams in the stage frame and linear Rec.709. A look turns them as it turns a map; what it does to maps beside that
+    /// (middle column, colours, blur, clamp) leaves them alone.
     Beams(&'a [Beam]),
     /// Captured lamp N, counted from 1, at the intensity of the capture.
     Lamp(usize),
-}
-
-/// What a user can turn, with neutral defaults.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Look {
-    /// How the reflectance function is filled in.
-    pub method: Method,
-    /// What becomes of light outside the coverage.
-    pub outside: Outside,
-    /// What stands in the middle column of the map.
-    pub centre: MapCentre,
-    /// Heading of the light in degrees about +y, right-handed.
-    pub heading_deg: f64,
-    /// Exposure of the light in stops; the ambient is not scaled.
-    pub exposure_ev: f64,
-    /// g in `T L + g S`.
-    pub ambient: f64,
-}
-
-impl Default for Look {
-    fn default() -> Self {
-        Self {
-            method: Method::default(),
-            outside: Outside::default(),
-            centre: MapCentre::default(),
-            heading_deg: 0.0,
-            exposure_ev: 0.0,
-            ambient: 0.0,
-        }
-    }
 }
 
 /// An asset with what relighting keeps between frames. Share it behind an `Arc`; all methods take `&self`.
@@ -84,25 +53,28 @@ impl Relighter {
         &self.asset
     }
 
-    /// Projects a light onto the lamps: `w_j = 2^EV integral of U_j(w) L(w) dw`, in units of radiance times steradian, or
-    /// E_N for a lamp. Once a picture, not per window. The first call for a method and map size builds the projection
+    /// Projects a light onto the lamps: `w_j = 2^EV tint * integral of U_j(w) L(w) dw`, in units of radiance times
+    /// steradian and the asset's colours, or 2^EV tint E_N for a lamp. L is the map [as the look has it](prepared). Once a picture, not per window. The first call for a method and map size builds the projection
     /// (about a second); later ones take milliseconds.
     ///
     /// # Errors
     /// A lamp that is not in the set; a method that the set of lamps does not allow.
     pub fn weights(&self, light: Light<'_>, look: &Look) -> Result<Weights> {
-        let exposure = look.exposure_ev.exp2() as f32;
         let mut weights = match light {
             Light::Map(map) => {
-                let map = map.reduced(WIDEST_MAP).oriented(look.centre, look.heading_deg);
-                self.projections.map(&map, look.method, look.outside)?
+                let mut weights = self.projections.map(&prepared(map, look), look.method, look.outside)?;
+                // Colours of the sums in place of those of all texels: projection treats channels alike.
+                weights.convert(&Conversion::between(look.map_space, self.asset.colour_space()));
+                weights
             }
             Light::Beams(beams) => {
-                self.projections.beams(&turned(beams, look.heading_deg), look.method, look.outside)?
+                let mut weights = self.projections.beams(&turned(beams, look), look.method, look.outside)?;
+                weights.convert(&Conversion::between(ColourSpace::default(), self.asset.colour_space()));
+                weights
             }
             Light::Lamp(number) => self.lamp(number)?,
         };
-        weights.rgb.iter_mut().flatten().for_each(|w| *w *= exposure);
+        weights.scale(look.gain());
         Ok(weights)
     }
 
@@ -137,9 +109,10 @@ impl Relighter {
         Ok(lit.iter().zip(lights).map(|(picture, (_, look))| self.finish(picture, look, window)).collect())
     }
 
-    /// Adds `g S` and alpha.
+    /// Adds `g S` and alpha, in the colours asked for.
     fn finish(&self, lit: &Image, look: &Look, window: Window) -> Image {
         let mut element = Image::new(window.width(), window.height(), 4);
+        let colours = Conversion::between(self.asset.colour_space(), look.output_space);
         let ambient = self.asset.ambient().filter(|_| look.ambient != 0.0);
         for y in 0..window.height() {
             for x in 0..window.width() {
@@ -150,6 +123,8 @@ impl Relighter {
                     let s = ambient.map_or(0.0, |s| s.pixel(sx, sy)[c]);
                     out[c] = rgb[c] + look.ambient as f32 * s;
                 }
+                let rgb = colours.apply([out[0], out[1], out[2]]);
+                out[..3].copy_from_slice(&rgb);
                 out[3] = self.asset.alpha().map_or(1.0, |alpha| alpha[sy * self.asset.width() + sx]);
             }
         }
@@ -157,8 +132,8 @@ impl Relighter {
     }
 }
 
-/// Beams turned about +y, right-handed.
-fn turned(beams: &[Beam], heading_deg: f64) -> Vec<Beam> {
-    let turn = |beam: &Beam| Beam { direction: rotate_heading(&beam.direction, heading_deg.to_radians()), ..*beam };
-    beams.iter().map(turn).collect()
+/// Beams as a look turns them.
+fn turned(beams: &[Beam], look: &Look) -> Vec<Beam> {
+    let rotation = look.orientation().matrix();
+    beams.iter().map(|beam| Beam { direction: rotation * beam.direction, ..*beam }).collect()
 }

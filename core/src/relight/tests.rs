@@ -10,7 +10,7 @@ use crate::acquire::Photographs;
 use crate::domain::Directions;
 use crate::field::{Access, Asset, Contents, Precision, write};
 use crate::illumination::{EnvMap, MapCentre};
-use crate::image::{Image, Window};
+use crate::image::{ColourSpace, Conversion, Image, Window};
 use crate::math::Vec3;
 use crate::reconstruct::{Method, Operator, Outside, Reconstruction};
 
@@ -46,12 +46,17 @@ struct Ball {
 
 impl Ball {
     fn new(n: usize, precision: Precision) -> Self {
+        Self::in_space(n, precision, ColourSpace::default())
+    }
+
+    fn in_space(n: usize, precision: Precision, colour_space: ColourSpace) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("ball.rfield");
         let lamps = sphere_of_lamps(n);
         let mut photographs = Photographs::new(40, 40, folder.path());
         lamps.iter().for_each(|lamp| photographs.push(ball(lamp)).unwrap());
         let contents = Contents {
+            colour_space,
             domain: Directions::new(lamps).unwrap(),
             irradiance: (0..n).map(|j| 1.0 + j as f32 / n as f32).collect(),
             width: 40,
@@ -233,6 +238,55 @@ fn the_six_pole_chart_lights_the_right_sides() {
             }
         }
     }
+}
+
+#[test]
+fn a_look_is_its_operations_one_after_another() {
+    let scene = Ball::new(60, Precision::Float);
+    let map = random_map(4);
+    let look = Look {
+        heading_deg: 30.0,
+        pitch_deg: -50.0,
+        roll_deg: 110.0,
+        centre: MapCentre::Behind,
+        clamp: 1.25,
+        blur_deg: 9.0,
+        exposure_ev: 1.0,
+        tint: [0.5, 1.0, 3.0],
+        ..Look::default()
+    };
+    let by_hand = map.clamped(1.25).blurred(9.0).turned(MapCentre::Behind, &look.orientation()).scaled([1.0, 2.0, 6.0]);
+    let neutral = Look::default();
+    let (a, b) = (scene.picture(Light::Map(&map), &look), scene.picture(Light::Map(&by_hand), &neutral));
+    close(&a, &b, 1e-5);
+    // A lamp is tinted and exposed, and nothing else is done to it.
+    let (lamp, tinted) = (scene.picture(Light::Lamp(7), &neutral), scene.picture(Light::Lamp(7), &look));
+    for (lamp, tinted) in lamp.data().chunks(4).zip(tinted.data().chunks(4)) {
+        assert!((0..3).all(|c| (tinted[c] - lamp[c] * [1.0, 2.0, 6.0][c]).abs() < 1e-6));
+    }
+}
+
+/// `out = M_out (T (M_in L) + g S)`.
+#[test]
+fn colours_are_carried_to_the_asset_and_from_it() {
+    let scene = Ball::in_space(60, Precision::Float, ColourSpace::AcesCg);
+    assert_eq!(scene.relighter.asset().colour_space(), ColourSpace::AcesCg);
+    let map = random_map(6);
+    let look = Look {
+        map_space: ColourSpace::LinRec709,
+        output_space: ColourSpace::LinP3D65,
+        ambient: 0.5,
+        tint: [1.0, 0.5, 2.0],
+        ..Look::default()
+    };
+    let inside = Look { map_space: ColourSpace::AcesCg, output_space: ColourSpace::AcesCg, ..look };
+    let carried = map.clone().converted(&Conversion::between(ColourSpace::LinRec709, ColourSpace::AcesCg));
+    let mut expected = scene.picture(Light::Map(&carried), &inside);
+    expected.convert(&Conversion::between(ColourSpace::AcesCg, ColourSpace::LinP3D65));
+    close(&scene.picture(Light::Map(&map), &look), &expected, 1e-5);
+    // White light on a white ball is white in every space; E of a lamp has no colour to convert.
+    let lamp = scene.picture(Light::Lamp(1), &Look { map_space: ColourSpace::LinRec2020, ..Look::default() });
+    assert!(lamp.data().chunks(4).all(|p| (p[0] - p[1]).abs() < 1e-6 && (p[2] - p[1]).abs() < 1e-6));
 }
 
 #[test]

@@ -1,7 +1,16 @@
 //! The one table of user settings, shared by the command line and the plugin. Ids are permanent: compositing projects
 //! store them. A new setting gets a neutral default.
+//!
+//! Beside it the files in which people write settings down: [`lighting`] (lamps, and the presets that ship) and [`animation`] (lights that
+//! change with the frame).
+
+pub mod animation;
+mod curve;
+pub mod lighting;
+mod table;
 
 use crate::illumination::MapCentre;
+use crate::image::ColourSpace;
 use crate::reconstruct::{Method, Outside};
 
 /// What a setting holds.
@@ -14,6 +23,15 @@ pub enum Kind {
         /// Smallest and largest allowed.
         hard: (f64, f64),
         /// Ends of the slider.
+        soft: (f64, f64),
+    },
+    /// A linear RGB colour, or a gain for each channel.
+    Colour {
+        /// The neutral value.
+        default: [f64; 3],
+        /// Smallest and largest allowed, of each channel.
+        hard: (f64, f64),
+        /// Ends of the sliders.
         soft: (f64, f64),
     },
     /// A whole number.
@@ -61,11 +79,25 @@ pub const ENVIRONMENT: Setting = Setting {
     hint: "The light: a lat-long map (EXR, HDR, PNG, TIFF, JPEG). A connected Illumination clip takes its place.",
     kind: Kind::File,
 };
+/// A lighting that ships.
+pub const LIGHTING: Setting = Setting {
+    id: "lighting",
+    label: "Lighting",
+    hint: "Lights with lamps that ship with Relume, in place of the environment.",
+    kind: Kind::Choice { default: 0, options: lighting::OPTIONS },
+};
+/// Path of a lighting file.
+pub const LIGHTING_FILE: Setting = Setting {
+    id: "lightingFile",
+    label: "Lighting file",
+    hint: "Lights with the lamps of a lighting file (.toml), in place of Lighting and the environment.",
+    kind: Kind::File,
+};
 /// One captured lamp.
 pub const LAMP: Setting = Setting {
     id: "lamp",
     label: "Lamp",
-    hint: "Lights one captured lamp, counted from 1, as it was photographed; 0 uses the environment.",
+    hint: "Lights one captured lamp, counted from 1, as it was photographed, in place of every other light but a connected Illumination clip; 0 is none.",
     kind: Kind::Integer { default: 0, hard: (0, 1_000_000) },
 };
 /// Heading of the light.
@@ -74,6 +106,63 @@ pub const ROTATION: Setting = Setting {
     label: "Rotation",
     hint: "Turns the light about the vertical axis, in degrees: light from the camera moves to the right of the picture.",
     kind: Kind::Number { default: 0.0, hard: (-1e6, 1e6), soft: (-180.0, 180.0) },
+};
+/// Pitch of the light.
+pub const PITCH: Setting = Setting {
+    id: "pitch",
+    label: "Pitch",
+    hint: "Tips the light about the axis to the right, in degrees, before Rotation: light from the top moves towards the camera.",
+    kind: Kind::Number { default: 0.0, hard: (-1e6, 1e6), soft: (-180.0, 180.0) },
+};
+/// Roll of the light.
+pub const ROLL: Setting = Setting {
+    id: "roll",
+    label: "Roll",
+    hint: "Rolls the light about the axis to the camera, in degrees, before Pitch: light from the right moves to the top.",
+    kind: Kind::Number { default: 0.0, hard: (-1e6, 1e6), soft: (-180.0, 180.0) },
+};
+/// Gain of each channel.
+pub const TINT: Setting = Setting {
+    id: "tint",
+    label: "Tint",
+    hint: "Multiplies the red, green and blue of the light, in the asset's colour space.",
+    kind: Kind::Colour { default: [1.0; 3], hard: (0.0, 1e6), soft: (0.0, 2.0) },
+};
+/// Blur of the map.
+pub const BLUR: Setting = Setting {
+    id: "blur",
+    label: "Blur",
+    hint: "Blurs the environment, keeping its energy: standard deviation of a Gaussian on the sphere, in degrees.",
+    kind: Kind::Number { default: 0.0, hard: (0.0, 180.0), soft: (0.0, 60.0) },
+};
+/// Largest radiance.
+pub const CLAMP: Setting = Setting {
+    id: "clamp",
+    label: "Clamp",
+    hint: "Scales brighter parts of the environment down until their brightest channel is this, keeping hue; before Blur. 0 is no limit.",
+    kind: Kind::Number { default: 0.0, hard: (0.0, 1e30), soft: (0.0, 100.0) },
+};
+/// Colours of the map.
+pub const MAP_SPACE: Setting = Setting {
+    id: "mapSpace",
+    label: "Map colours",
+    hint: "The colour space of the environment, as a file or the Illumination clip.",
+    kind: Kind::Choice { default: 0, options: COLOUR_SPACES },
+};
+/// Colours of the picture.
+pub const OUTPUT_SPACE: Setting = Setting {
+    id: "outputSpace",
+    label: "Output colours",
+    hint: "The colour space of the picture; Source is taken to be in it.",
+    kind: Kind::Choice { default: 0, options: COLOUR_SPACES },
+};
+/// [`ColourSpace::ALL`].
+const COLOUR_SPACES: &[(&str, &str)] = {
+    const fn option(space: ColourSpace) -> (&'static str, &'static str) {
+        (space.id(), space.label())
+    }
+    let [a, b, c, d, e] = ColourSpace::ALL;
+    &[option(a), option(b), option(c), option(d), option(e)]
 };
 /// Stops.
 pub const EXPOSURE: Setting = Setting {
@@ -89,12 +178,12 @@ pub const AMBIENT: Setting = Setting {
     hint: "How much of the ambient picture (seen with every lamp off) is added.",
     kind: Kind::Number { default: 0.0, hard: (0.0, 1000.0), soft: (0.0, 1.0) },
 };
-/// Zero-order or linear.
+/// One of [`Method::ALL`].
 pub const RECONSTRUCTION: Setting = Setting {
     id: "reconstruction",
     label: "Reconstruction",
-    hint: "How the answer to light is filled in between the lamps.",
-    kind: Kind::Choice { default: 1, options: &[("zero-order", "Zero-order"), ("linear", "Linear")] },
+    hint: "How the answer to light is filled in between the lamps. Haar, 5/3 and 9/7 need lamps on rings of equal longitudes.",
+    kind: Kind::Choice { default: 1, options: Method::NAMES },
 };
 /// Front or behind.
 pub const MAP_CENTRE: Setting = Setting {
@@ -128,8 +217,27 @@ pub const OUTPUT: Setting = Setting {
 };
 
 /// The settings of Relume Relight, in the order shown.
-pub const RELIGHT: &[Setting] =
-    &[ASSET, ENVIRONMENT, LAMP, ROTATION, MAP_CENTRE, EXPOSURE, AMBIENT, RECONSTRUCTION, OUTSIDE, OUTPUT];
+pub const RELIGHT: &[Setting] = &[
+    ASSET,
+    ENVIRONMENT,
+    LIGHTING,
+    LIGHTING_FILE,
+    LAMP,
+    ROTATION,
+    PITCH,
+    ROLL,
+    MAP_CENTRE,
+    MAP_SPACE,
+    BLUR,
+    CLAMP,
+    EXPOSURE,
+    TINT,
+    AMBIENT,
+    RECONSTRUCTION,
+    OUTSIDE,
+    OUTPUT,
+    OUTPUT_SPACE,
+];
 
 /// The method of an option of [`RECONSTRUCTION`].
 pub fn method(option: usize) -> Method {
@@ -139,6 +247,11 @@ pub fn method(option: usize) -> Method {
 /// The meaning of an option of [`MAP_CENTRE`].
 pub fn map_centre(option: usize) -> MapCentre {
     [MapCentre::Front, MapCentre::Behind].get(option).copied().unwrap_or_default()
+}
+
+/// The meaning of an option of [`MAP_SPACE`] and [`OUTPUT_SPACE`].
+pub fn colour_space(option: usize) -> ColourSpace {
+    ColourSpace::ALL.get(option).copied().unwrap_or_default()
 }
 
 /// The meaning of an option of [`OUTSIDE`].

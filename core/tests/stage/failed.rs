@@ -40,6 +40,7 @@ fn asset(lamps: &Directions, dim: &[(usize, f32)], folder: &Path) -> Asset {
     let quality = Quality { samples: 4, bounces: 4, stride: 4, cone_density: 300.0, depth: 4, seed: 2 };
     let stage = Stage::new(&scene, camera, lamps, quality);
     let contents = Contents {
+        colour_space: Default::default(),
         domain: lamps.clone(),
         irradiance: vec![std::f32::consts::PI; lamps.len()],
         width: 64,

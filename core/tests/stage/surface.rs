@@ -28,6 +28,7 @@ fn ball(material: Material) -> Object {
 fn photograph(scene: &Scene, lamps: &Directions, path: &Path) -> Asset {
     let stage = Stage::new(scene, CAMERA, lamps, quality());
     let contents = Contents {
+        colour_space: Default::default(),
         domain: lamps.clone(),
         irradiance: vec![std::f32::consts::PI; lamps.len()],
         width: CAMERA.width,

@@ -48,6 +48,16 @@ impl<'a> Params<'a> {
         (status == kOfxStatOK && !value.is_nan()).then_some(value)
     }
 
+    /// An RGB colour at a time; NaN in any channel counts as missing.
+    pub fn rgb(&self, name: &str, time: f64) -> Option<[f64; 3]> {
+        let (param, get) = (self.find(name)?, self.suites.parameter.paramGetValueAtTime?);
+        let (mut r, mut g, mut b) = (0.0_f64, 0.0_f64, 0.0_f64);
+        // SAFETY: as in `double`; an RGB takes three pointers to doubles.
+        let status = unsafe { get(param, time, &raw mut r, &raw mut g, &raw mut b) };
+        let value = [r, g, b];
+        (status == kOfxStatOK && !value.iter().any(|v| v.is_nan())).then_some(value)
+    }
+
     /// An Integer, or the index of a Choice, at a time.
     pub fn int(&self, name: &str, time: f64) -> Option<i32> {
         let (param, get) = (self.find(name)?, self.suites.parameter.paramGetValueAtTime?);

@@ -7,10 +7,12 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use relume_core::field::{Access, Asset};
-use relume_core::illumination::EnvMap;
+use relume_core::illumination::{Beam, EnvMap};
 use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
+use relume_core::settings::lighting::{self, Preset};
 
 use super::Instance;
+use super::controls::Controls;
 use crate::error::{Error, Result};
 use crate::paths;
 use crate::pool::Pool;
@@ -24,6 +26,9 @@ const WEIGHTS_KEPT: usize = 8;
 pub struct Library {
     fields: Shelf<Relighter>,
     maps: Shelf<EnvMap>,
+    lightings: Shelf<Vec<Beam>>,
+    /// Lightings that ship, by name, as far as they were used.
+    presets: Mutex<Vec<(&'static str, Arc<Vec<Beam>>)>>,
     /// Latest first.
     weights: Mutex<VecDeque<Entry>>,
     /// Held while weights are computed: threads that render tiles of one picture would all compute them, and the first
@@ -36,6 +41,7 @@ pub struct Library {
 pub struct Held {
     field: Option<Arc<Relighter>>,
     map: Option<Arc<EnvMap>>,
+    lighting: Option<Arc<Vec<Beam>>>,
 }
 
 /// The light of a picture, owned.
@@ -43,6 +49,8 @@ pub struct Held {
 pub enum Lit {
     /// A captured lamp, counted from 1.
     Lamp(usize),
+    /// Lamps of a lighting.
+    Beams(Arc<Vec<Beam>>),
     /// A map from a file.
     File(Arc<EnvMap>),
     /// A map from the Illumination clip.
@@ -53,6 +61,7 @@ impl Lit {
     fn light(&self) -> Light<'_> {
         match self {
             Self::Lamp(lamp) => Light::Lamp(*lamp),
+            Self::Beams(beams) => Light::Beams(beams),
             Self::File(map) | Self::Clip(map) => Light::Map(map),
         }
     }
@@ -68,6 +77,7 @@ struct Entry {
 
 enum Origin {
     Lamp(usize),
+    Beams(Weak<Vec<Beam>>),
     File(Weak<EnvMap>),
     Clip(Arc<EnvMap>),
 }
@@ -76,6 +86,7 @@ impl Origin {
     fn of(light: &Lit) -> Self {
         match light {
             Lit::Lamp(lamp) => Self::Lamp(*lamp),
+            Lit::Beams(beams) => Self::Beams(Arc::downgrade(beams)),
             Lit::File(map) => Self::File(Arc::downgrade(map)),
             Lit::Clip(map) => Self::Clip(Arc::clone(map)),
         }
@@ -85,6 +96,7 @@ impl Origin {
     fn is(&self, light: &Lit) -> bool {
         match (self, light) {
             (Self::Lamp(a), Lit::Lamp(b)) => a == b,
+            (Self::Beams(a), Lit::Beams(b)) => std::ptr::eq(a.as_ptr(), Arc::as_ptr(b)),
             (Self::File(a), Lit::File(b)) => std::ptr::eq(a.as_ptr(), Arc::as_ptr(b)),
             (Self::Clip(a), Lit::Clip(b)) => a == b,
             _ => false,
@@ -116,7 +128,7 @@ impl Library {
     pub fn map(&self, instance: &Instance, typed: &str) -> Result<Arc<EnvMap>> {
         if typed.trim().is_empty() {
             return Err(Error::Missing(
-                "Choose an environment: a lat-long map in the Environment parameter, a connected Illumination clip, or a Lamp above 0.",
+                "Choose an environment: a lat-long map in the Environment parameter, a connected Illumination clip, a Lighting, or a Lamp above 0.",
             ));
         }
         let path = paths::expand(typed)?;
@@ -128,13 +140,39 @@ impl Library {
         Ok(map)
     }
 
+    /// The lamps of a typed lighting file.
+    ///
+    /// # Errors
+    /// A path that cannot be used, a file that is not a good lighting.
+    pub fn lighting(&self, instance: &Instance, typed: &str) -> Result<Arc<Vec<Beam>>> {
+        let path = paths::expand(typed)?;
+        let beams = self.lightings.get(&Stamp::of(&path)?, || Ok(lighting::load(&path)?.lighting.beams()))?;
+        let before = instance.held().lighting.replace(Arc::clone(&beams));
+        drop(before);
+        Ok(beams)
+    }
+
+    /// The lamps of a lighting that ships.
+    ///
+    /// # Errors
+    /// None in practice: each preset is tested.
+    pub fn preset(&self, preset: &'static Preset) -> Result<Arc<Vec<Beam>>> {
+        let mut presets = self.presets.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, beams)) = presets.iter().find(|entry| entry.0 == preset.id) {
+            return Ok(Arc::clone(beams));
+        }
+        let beams = Arc::new(preset.load()?.lighting.beams());
+        presets.push((preset.id, Arc::clone(&beams)));
+        Ok(beams)
+    }
+
     /// The weights of a light, computed once a picture.
     ///
     /// # Errors
     /// A lamp that is not in the set.
     pub fn weights(&self, field: &Arc<Relighter>, light: &Lit, look: &Look) -> Result<Arc<Weights>> {
-        // The ambient is not part of the weights; a change of it alone must find them.
-        let look = Look { ambient: 0.0, ..*look };
+        // A change of what is not part of the weights must find them.
+        let look = look.of_weights();
         let fits =
             |e: &Entry| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
         let find = || self.entries().iter().find(|e| fits(e)).map(|e| Arc::clone(&e.weights));
@@ -155,17 +193,21 @@ impl Library {
     }
 
     /// Makes the next picture open these files again.
-    pub fn forget(&self, instance: &Instance, asset: &str, environment: &str) {
+    pub fn forget(&self, instance: &Instance, controls: &Controls) {
         *instance.held() = Held::default();
         let expand = |typed: &str| paths::expand(typed).ok();
-        expand(asset).iter().for_each(|path: &std::path::PathBuf| self.fields.forget(path));
-        expand(environment).iter().for_each(|path| self.maps.forget(path));
+        expand(&controls.asset).iter().for_each(|path: &std::path::PathBuf| self.fields.forget(path));
+        expand(&controls.environment).iter().for_each(|path| self.maps.forget(path));
+        expand(&controls.lighting_file).iter().for_each(|path| self.lightings.forget(path));
     }
 
     /// Lets go of everything that no instance owns.
     pub fn clear(&self) {
         self.fields.clear();
         self.maps.clear();
+        self.lightings.clear();
+        let presets = std::mem::take(&mut *self.presets.lock().unwrap_or_else(PoisonError::into_inner));
+        drop(presets);
         let entries = std::mem::take(&mut *self.entries());
         drop(entries);
     }

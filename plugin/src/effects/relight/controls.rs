@@ -1,6 +1,7 @@
 //! What the artist set, at a time. A parameter that a host does not have counts as its default.
 
 use relume_core::relight::{Layer, Look};
+use relume_core::settings::lighting::{PRESETS, Preset};
 use relume_core::settings::{self, Kind, Setting};
 
 use crate::host::{Effect, Params};
@@ -26,7 +27,11 @@ pub struct Controls {
     pub asset: String,
     /// The environment's path as typed.
     pub environment: String,
-    /// A lamp counted from 1, or `None` for the environment.
+    /// The lighting file's path as typed.
+    pub lighting_file: String,
+    /// A lighting that ships, or `None`.
+    pub lighting: Option<&'static Preset>,
+    /// A lamp counted from 1, or `None` for another light.
     pub lamp: Option<usize>,
     /// How light becomes a picture.
     pub look: Look,
@@ -44,7 +49,14 @@ impl Controls {
             outside: settings::outside(source.choice(&settings::OUTSIDE)),
             centre: settings::map_centre(source.choice(&settings::MAP_CENTRE)),
             heading_deg: source.number(&settings::ROTATION),
+            pitch_deg: source.number(&settings::PITCH),
+            roll_deg: source.number(&settings::ROLL),
             exposure_ev: source.number(&settings::EXPOSURE),
+            tint: source.colour(&settings::TINT),
+            blur_deg: source.number(&settings::BLUR),
+            clamp: source.number(&settings::CLAMP),
+            map_space: settings::colour_space(source.choice(&settings::MAP_SPACE)),
+            output_space: settings::colour_space(source.choice(&settings::OUTPUT_SPACE)),
             ambient: source.number(&settings::AMBIENT),
         };
         let output = match source.choice(&settings::OUTPUT) {
@@ -55,7 +67,17 @@ impl Controls {
             _ => Output::Composite,
         };
         let (asset, environment) = (source.text(&settings::ASSET), source.text(&settings::ENVIRONMENT));
-        Self { asset, environment, lamp, look, output }
+        let lighting_file = source.text(&settings::LIGHTING_FILE);
+        // The first choice is none.
+        let lighting = source.choice(&settings::LIGHTING).checked_sub(1).and_then(|n| PRESETS.get(n));
+        Self { asset, environment, lighting_file, lighting, lamp, look, output }
+    }
+}
+
+impl Controls {
+    /// The lighting file, if one is typed.
+    pub fn lighting_file(&self) -> Option<&str> {
+        Some(self.lighting_file.trim()).filter(|typed| !typed.is_empty())
     }
 }
 
@@ -71,6 +93,13 @@ impl Source<'_> {
         let Kind::Number { default, hard, .. } = setting.kind else { return 0.0 };
         let value = self.params.and_then(|p| p.double(setting.id, self.time));
         value.unwrap_or(default).clamp(hard.0, hard.1)
+    }
+
+    /// Clamped like numbers.
+    fn colour(&self, setting: &Setting) -> [f64; 3] {
+        let Kind::Colour { default, hard, .. } = setting.kind else { return [1.0; 3] };
+        let value = self.params.and_then(|p| p.rgb(setting.id, self.time));
+        value.unwrap_or(default).map(|v| v.clamp(hard.0, hard.1))
     }
 
     fn integer(&self, setting: &Setting) -> i32 {

@@ -13,8 +13,11 @@ const LIGHT: (&str, &str) = ("lightGroup", "Light");
 /// Parameters of the answer to it.
 const RESPONSE: (&str, &str) = ("responseGroup", "Response");
 
+/// Numbers that are degrees of a turn.
+const ANGLES: [&Setting; 3] = [&settings::ROTATION, &settings::PITCH, &settings::ROLL];
+
 const DESCRIPTION: &str = "Lights a captured object (a .rfield asset made with Relume) with a lat-long environment, \
-    a clip or one of the captured lamps, and composites it over Source. Float pixels are linear; 8-bit pixels are taken as sRGB.";
+    a clip, lamps or one of the captured lamps, and composites it over Source. Float pixels are linear; 8-bit pixels are taken as sRGB.";
 
 /// What holds in every context.
 pub fn describe(call: &Call<'_>) -> Reply {
@@ -89,7 +92,21 @@ fn clip(effect: &Effect<'_>, name: &CStr, components: &[&CStr], optional: bool) 
 
 fn parameters(params: &Params<'_>) {
     let (light, response) = (
-        [&settings::ENVIRONMENT, &settings::LAMP, &settings::ROTATION, &settings::MAP_CENTRE, &settings::EXPOSURE],
+        [
+            &settings::ENVIRONMENT,
+            &settings::LIGHTING,
+            &settings::LIGHTING_FILE,
+            &settings::LAMP,
+            &settings::ROTATION,
+            &settings::PITCH,
+            &settings::ROLL,
+            &settings::MAP_CENTRE,
+            &settings::MAP_SPACE,
+            &settings::BLUR,
+            &settings::CLAMP,
+            &settings::EXPOSURE,
+            &settings::TINT,
+        ],
         [&settings::AMBIENT, &settings::RECONSTRUCTION, &settings::OUTSIDE],
     );
     let group_of = |id: &str| {
@@ -126,6 +143,7 @@ fn named(properties: &Properties<'_>, id: &str, label: &str, hint: &str) {
 fn define(params: &Params<'_>, setting: &Setting, group: Option<&str>) {
     let kind = match setting.kind {
         Kind::Number { .. } => kOfxParamTypeDouble,
+        Kind::Colour { .. } => kOfxParamTypeRGB,
         Kind::Integer { .. } => kOfxParamTypeInteger,
         Kind::Choice { .. } => kOfxParamTypeChoice,
         Kind::File => kOfxParamTypeString,
@@ -137,13 +155,17 @@ fn define(params: &Params<'_>, setting: &Setting, group: Option<&str>) {
     }
     match setting.kind {
         Kind::Number { default, hard, soft } => {
-            let angle = setting.id == settings::ROTATION.id;
+            let angle = ANGLES.iter().any(|angle| angle.id == setting.id);
             let kind = if angle { kOfxParamDoubleTypeAngle } else { kOfxParamDoubleTypePlain };
             properties.set_strings(kOfxParamPropDoubleType, &[kind]);
             properties.set_doubles(kOfxParamPropDefault, &[default]);
-            range(&properties, hard, soft);
+            range(&properties, [hard.0], [hard.1], [soft.0], [soft.1]);
             properties.set_doubles(kOfxParamPropIncrement, &[if angle { 1.0 } else { 0.1 }]);
             properties.set_int(kOfxParamPropDigits, 3);
+        }
+        Kind::Colour { default, hard, soft } => {
+            properties.set_doubles(kOfxParamPropDefault, &default);
+            range(&properties, [hard.0; 3], [hard.1; 3], [soft.0; 3], [soft.1; 3]);
         }
         Kind::Integer { default, hard } => {
             properties.set_int(kOfxParamPropDefault, default);
@@ -172,20 +194,20 @@ fn define(params: &Params<'_>, setting: &Setting, group: Option<&str>) {
 }
 
 /// Both ranges: a host takes +-1 for a display range that is missing.
-fn range(properties: &Properties<'_>, hard: (f64, f64), soft: (f64, f64)) {
-    for (name, value) in [
-        (kOfxParamPropMin, hard.0),
-        (kOfxParamPropMax, hard.1),
-        (kOfxParamPropDisplayMin, soft.0),
-        (kOfxParamPropDisplayMax, soft.1),
+fn range<const N: usize>(properties: &Properties<'_>, least: [f64; N], most: [f64; N], low: [f64; N], high: [f64; N]) {
+    for (name, values) in [
+        (kOfxParamPropMin, least),
+        (kOfxParamPropMax, most),
+        (kOfxParamPropDisplayMin, low),
+        (kOfxParamPropDisplayMax, high),
     ] {
-        properties.set_doubles(name, &[value]);
+        properties.set_doubles(name, &values);
     }
 }
 
 fn reload(params: &Params<'_>) {
     let Some(properties) = params.define(kOfxParamTypePushButton, status::RELOAD) else { return };
-    named(&properties, status::RELOAD, "Reload", "Opens the asset and the environment again.");
+    named(&properties, status::RELOAD, "Reload", "Opens the asset and the files of the light again.");
     let Some(properties) = params.define(kOfxParamTypeInteger, status::RELOADS) else { return };
     named(&properties, status::RELOADS, "Reloads", "Counts reloads, so that the host renders again.");
     properties.set_int(kOfxParamPropDefault, 0);

@@ -4,6 +4,9 @@
 //! takes the place of the environment file (Generator and General, for there hosts know optional clips);
 //! `Output`, premultiplied RGBA. Parameters are the settings table of the core, so the command line means the same.
 //!
+//! Light comes from the Illumination clip if it is connected, else from the lamp above 0, else from the lighting file, else
+//! from the lighting that ships, else from the environment file.
+//!
 //! The element has the asset's size in canonical coordinates (square pixels at full scale). It is centred on the
 //! region of definition of Source, which is then also the output's; without a Source it makes its own format from the
 //! origin up ([`placement`]). Smaller render scales are made by area from the full-size element ([`crate::area`]).

@@ -68,14 +68,21 @@ fn picture(library: &Library, instance: &Instance, call: &Call<'_>) -> Result<()
     element.draw(effect, plate.as_ref(), &mut canvas)
 }
 
-/// The Illumination clip if it delivers an image, else the lamp, else the environment file.
+/// The Illumination clip if it delivers an image, else the lamp, else the lighting file, else the lighting, else the
+/// environment file.
 fn light(library: &Library, instance: &Instance, effect: &Effect<'_>, controls: &Controls, time: f64) -> Result<Lit> {
     if let Some(map) = illumination(effect, time)? {
         return Ok(Lit::Clip(Arc::new(map)));
     }
-    match controls.lamp {
-        Some(lamp) => Ok(Lit::Lamp(lamp)),
-        None => Ok(Lit::File(library.map(instance, &controls.environment)?)),
+    if let Some(lamp) = controls.lamp {
+        return Ok(Lit::Lamp(lamp));
+    }
+    if let Some(file) = controls.lighting_file() {
+        return library.lighting(instance, file).map(Lit::Beams);
+    }
+    match controls.lighting {
+        Some(preset) => library.preset(preset).map(Lit::Beams),
+        None => library.map(instance, &controls.environment).map(Lit::File),
     }
 }
 

@@ -42,7 +42,7 @@ pub fn changed(library: &Library, instance: &Instance, call: &Call<'_>) -> Reply
     let time = args.double(kOfxPropTime, 0).unwrap_or_default();
     if name == RELOAD {
         let controls = Controls::read(&call.effect, time);
-        library.forget(instance, &controls.asset, &controls.environment);
+        library.forget(instance, &controls);
         if let Some(params) = call.effect.params() {
             let count = params.int(RELOADS, time).unwrap_or_default();
             params.set_int(RELOADS, count.wrapping_add(1) & i32::from(i16::MAX));
@@ -80,6 +80,13 @@ fn line(
         format!("{}: {} x {} pixels, {lamps} lamps.", file_name(&controls.asset), asset.width(), asset.height());
     if input(effect, ILLUMINATION).is_some() {
         return Ok(format!("{about} Light: the Illumination clip."));
+    }
+    if let (None, Some(file)) = (controls.lamp, controls.lighting_file()) {
+        let beams = library.lighting(instance, file)?.len();
+        return Ok(format!("{about} Light: {}, {beams} beams.", file_name(file)));
+    }
+    if let (None, Some(preset)) = (controls.lamp, controls.lighting) {
+        return Ok(format!("{about} Light: {}.", preset.label));
     }
     match controls.lamp {
         Some(lamp) if lamp > lamps => Ok(format!("{about} There is no lamp {lamp}; lower Lamp to {lamps} or less.")),
