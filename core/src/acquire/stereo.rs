@@ -23,13 +23,18 @@ const EVERY_TRIPLE: usize = 9;
 const BANDS: [(f64, f64); 6] = [(0.5, 0.9), (0.35, 0.75), (0.65, 0.85), (0.25, 0.95), (0.75, 0.95), (0.85, 1.0)];
 /// Where the biweight reaches zero in the search, as a share of the pixel's level: materials that people call diffuse leave
 /// Lambert's law by about 10 %, and a lamp beyond twice that tells nothing of the normal.
-const SEARCH_CUT: f32 = 0.2;
+const SEARCH_CUT: f32 = 0.25;
 /// Highlights and light from neighbours only ever add: an answer that is too high is given up at this share of the cut. The skirt of a
 /// highlight pulls the normal towards it long before it stands out.
 const ABOVE: f32 = 0.4;
 /// Lamps count in full from this cosine on, and in proportion to it below: towards grazing light materials depart from Lambert's law
 /// (a coat reflects more and lets less in), and neighbours shadow.
 const GRAZING: f32 = 0.6;
+/// A pixel's level is this quantile of its answers: 0.8 of the brightest that Lambert's law has under an even hemisphere of lamps,
+/// whatever a fifth of them show as highlights. Where fewer than a fifth light the pixel, it is the second quantile; then the first holds
+/// only light from neighbours, below this share of the second. Highlights that are 20 times as bright as the rest are as rare.
+const LEVEL: (f64, f64) = (0.8, 0.95);
+const FEW_LIT: f32 = 0.05;
 /// Reweightings of each start, and of the best one.
 const SEARCH_STEPS: usize = 4;
 const FINAL_STEPS: usize = 10;
@@ -160,11 +165,7 @@ impl Estimator {
         sampled.clear();
         sampled.extend(self.chosen.iter().map(|&j| grey[j as usize]));
         sampled.resize(self.sample.padded(), 0.0);
-        // The mean of max(0, n . l) over the hemisphere about n is a half.
-        let level = 2.0 * self.all.share.iter().zip(grey.iter()).map(|(s, t)| s * t.max(0.0)).sum::<f32>();
-        if !(level > 0.0 && level.is_finite()) {
-            return None;
-        }
+        let level = level(&sampled[..self.sample.len()], residuals)?;
         let start = self.search(sampled, level, order)?;
         let (m, cut) = self.polish(grey, start, level, residuals)?;
         self.judge(grey, &m, cut)?;
@@ -289,6 +290,19 @@ fn in_cuts(residual: f32, cut: f32) -> f32 {
     if residual > 0.0 { residual / (ABOVE * cut) } else { residual / cut }
 }
 
+/// The scale of a pixel's answers; `None` for darkness.
+fn level(t: &[f32], room: &mut Vec<f32>) -> Option<f32> {
+    room.clear();
+    room.extend_from_slice(t);
+    let mut quantile = |share: f64| {
+        let at = ((t.len() - 1) as f64 * share) as usize;
+        *room.select_nth_unstable_by(at, f32::total_cmp).1
+    };
+    let (usual, few) = (quantile(LEVEL.0), quantile(LEVEL.1));
+    let level = if usual > FEW_LIT * few { usual } else { few };
+    (level > 0.0 && level.is_finite()).then_some(level)
+}
+
 /// Tukey's biweight `(1 - u^2)^2`, zero beyond the cut.
 #[inline(always)]
 fn biweight(residual: f32, cut: f32) -> f32 {
@@ -392,12 +406,14 @@ mod tests {
     #[test]
     fn shadows_and_highlights_change_nothing() {
         let normal = Vector3::new(0.2, -0.3, 0.9).normalize();
-        for (count, dark, bright) in [(6, 1, 0), (8, 1, 1), (24, 8, 3), (100, 45, 10)] {
+        for (count, dark, bright) in [(6, 1, 0), (9, 1, 1), (24, 8, 3), (100, 45, 10)] {
+            // Scattered over the ring: 7 shares no factor with any of its lengths.
             let estimator = estimator(count);
             let mut t = answers(&estimator, &normal, [0.5; 3]);
             for channel in &mut t {
-                channel[1..=dark].fill(0.0);
-                channel[count - bright..count].iter_mut().for_each(|v| *v += 2.0);
+                let place = |k: usize| 1 + k * 7 % (count - 1);
+                (0..dark).for_each(|k| channel[place(k)] = 0.0);
+                (dark..dark + bright).for_each(|k| channel[place(k)] += 2.0);
             }
             let found = facet(&estimator, &t).unwrap();
             assert!(error_deg(&found, &normal) < 0.5, "{count} lamps: {} degrees", error_deg(&found, &normal));

@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::white::{Correction, mean_of};
+use super::white::{Correction, DARK, mean_of};
 use crate::error::{Error, Result};
 use crate::image::Image;
 
@@ -193,7 +193,9 @@ fn measure(photograph: &Image, map: &Matrix3<f64>, patch: usize) -> std::result:
         let pixel = photograph.pixel(x as usize, y as usize);
         samples.push([pixel[0], pixel[1], pixel[2]]);
     }
-    Ok(Vector3::from(mean_of(photograph, &samples)?))
+    let mean = mean_of(photograph, &samples).ok_or("a patch that is clipped")?;
+    // Strong colours may be dark in one channel, but not in all.
+    if mean.iter().any(|v| *v >= DARK) { Ok(Vector3::from(mean)) } else { Err("a patch that is black".to_owned()) }
 }
 
 #[cfg(test)]
@@ -201,8 +203,8 @@ mod tests {
     use super::*;
     use crate::image::srgb;
 
-    /// X-Rite's own 8-bit sRGB values for the chart, published beside the L*a*b* (for older charts: up to 2 codes off, and cyan is
-    /// out of gamut).
+    /// X-Rite's own 8-bit sRGB values for the chart, published with the L*a*b* of older charts, and rounded into the gamut: yellow
+    /// and blue are 16 codes off, the others fewer. Patches in another order would be off by much more.
     const SRGB: [[u8; 3]; 24] = [
         [115, 82, 68],
         [194, 150, 130],
@@ -232,12 +234,16 @@ mod tests {
 
     #[test]
     fn published_lab_and_published_srgb_agree() {
-        for ((name, lab), codes) in PATCHES.iter().zip(SRGB).filter(|((name, _), _)| *name != "cyan") {
+        let mut sum = 0.0;
+        for ((name, lab), codes) in PATCHES.iter().zip(SRGB) {
             let found = rec709(*lab).map(|v| 255.0 * f64::from(srgb::encode(v.clamp(0.0, 1.0) as f32)));
             for (a, b) in found.iter().zip(codes) {
-                assert!((a - f64::from(b)).abs() < 8.0, "{name}: {found} is not {codes:?}");
+                let off = (a - f64::from(b)).abs();
+                assert!(off < 17.0, "{name}: {found} is not {codes:?}");
+                sum += off / 72.0;
             }
         }
+        assert!(sum < 5.0, "{sum} codes on average");
     }
 
     #[test]

@@ -8,7 +8,7 @@ const CLIPPED: f32 = 0.988;
 /// Share of a patch that may be clipped: hot pixels and dust.
 const CLIPPED_SHARE: f64 = 0.01;
 /// Below this a patch is too dark: code 6 of 8-bit sRGB, whose rounding alone is 8 %.
-const DARK: f64 = 0.0018;
+pub(super) const DARK: f64 = 0.0018;
 /// Determinants and gains beyond this are no camera's.
 const SENSIBLE: (f64, f64) = (1e-3, 1e3);
 
@@ -89,25 +89,21 @@ pub fn patch(photograph: &Image, window: Window, place: &str) -> Result<[f64; 3]
     }
     let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| photograph.pixel(x, y)));
     let samples: Vec<[f32; 3]> = pixels.map(|p| [p[0], p[1], p[2]]).collect();
-    mean_of(photograph, &samples).or_else(|found| {
-        refuse(
-            found.to_owned(),
-            "a patch that is neither clipped nor black; photograph it at another exposure".to_owned(),
-        )
-    })
+    let advice = "a patch that is neither clipped nor black; photograph it at another exposure";
+    match mean_of(photograph, &samples) {
+        Some(mean) if mean.iter().all(|v| *v >= DARK) => Ok(mean),
+        Some(_) => refuse("a patch that is black in at least one channel".to_owned(), advice.to_owned()),
+        None => refuse("a patch that is clipped".to_owned(), advice.to_owned()),
+    }
 }
 
-/// The mean of samples of a photograph, or what is wrong with them.
-pub(super) fn mean_of(photograph: &Image, samples: &[[f32; 3]]) -> std::result::Result<[f64; 3], &'static str> {
+/// The mean of samples of a photograph; `None` where they are clipped.
+pub(super) fn mean_of(photograph: &Image, samples: &[[f32; 3]]) -> Option<[f64; 3]> {
     // Only codes clip at 1; floats beyond it say that these are no codes.
     let codes = photograph.data().iter().all(|v| *v <= 1.0);
     let clipped = samples.iter().filter(|rgb| codes && rgb.iter().any(|v| *v >= CLIPPED)).count();
-    if clipped as f64 > CLIPPED_SHARE * samples.len() as f64 {
-        return Err("a patch that is clipped");
-    }
     let mean = |c: usize| samples.iter().map(|rgb| f64::from(rgb[c])).sum::<f64>() / samples.len() as f64;
-    let mean = std::array::from_fn(mean);
-    if mean.iter().all(|v| *v >= DARK) { Ok(mean) } else { Err("a patch that is black in at least one channel") }
+    (clipped as f64 <= CLIPPED_SHARE * samples.len() as f64).then(|| std::array::from_fn(mean))
 }
 
 /// The gains that bring a patch to its reflectance, up to exposure: green keeps its level.
