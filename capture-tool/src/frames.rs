@@ -85,7 +85,9 @@ impl FromStr for Pattern {
         let found: Vec<_> = places(name);
         let [(start, end, digits)] = found[..] else {
             let what = if found.is_empty() { "has no place" } else { "has more than one place" };
-            return Err(format!("the name `{name}` {what} for the frame number; write #### or %04d once, as in out.####.exr"));
+            return Err(format!(
+                "the name `{name}` {what} for the frame number; write #### or %04d once, as in out.####.exr"
+            ));
         };
         if digits > MOST_DIGITS {
             return Err(format!("frame numbers of {digits} digits; {MOST_DIGITS} at most"));

@@ -212,7 +212,11 @@ fn bad_scripts_and_ranges_are_refused_before_anything_is_written() {
     for (frames, output) in [("4-1", "f.####.exr"), ("1-4y2", "f.####.exr"), ("", "f.####.exr"), ("1-4", "f.exr")] {
         let output = run(&mut tool(&["animate", "a.rfield", "s.toml", "--frames", frames, "-o", output]));
         assert_eq!(output.status.code(), Some(2), "{frames:?}");
-        assert!(text(&output.stderr).contains(if frames == "1-4" { "####" } else { "1-4" }), "{}", text(&output.stderr));
+        assert!(
+            text(&output.stderr).contains(if frames == "1-4" { "####" } else { "1-4" }),
+            "{}",
+            text(&output.stderr)
+        );
     }
 }
 
@@ -277,7 +281,8 @@ fn a_turn_of_the_park_around_the_painting_is_the_same_in_the_bundle() {
     instance.set_string("asset", &asset.display().to_string());
     instance.set_string("environment", &park.display().to_string());
     instance.set_keys("rotation", &[(1.0, 0.0), (25.0, 360.0)]);
-    let frames: Vec<RenderArgs> = (1..=24).map(|n| RenderArgs { time: f64::from(n), ..RenderArgs::default() }).collect();
+    let frames: Vec<RenderArgs> =
+        (1..=24).map(|n| RenderArgs { time: f64::from(n), ..RenderArgs::default() }).collect();
     let mut previous: Option<TestImage> = None;
     for (n, rendered) in (1..).zip(instance.render_from_threads(&frames, 2)) {
         let rendered = rendered.unwrap();

@@ -112,7 +112,8 @@ impl Script {
         root.text_or_empty("title")?;
         let turns = Turns::read(&root, &Turns::still(&Look::default()))?;
         let lights = root.tables("light")?;
-        let lights: Vec<_> = lights.iter().map(|light| ScriptLight::read(light, &turns, folder)).collect::<Result<_>>()?;
+        let lights: Vec<_> =
+            lights.iter().map(|light| ScriptLight::read(light, &turns, folder)).collect::<Result<_>>()?;
         if lights.is_empty() {
             return Err(root.refuse("no light", "at least one table that begins with `[[light]]`"));
         }
@@ -192,7 +193,8 @@ impl Source {
                 if path.is_file() {
                     return Ok(Self::Map(path));
                 }
-                Err(value.refuse(format!("{}, which is not there", path.display()), "a map's file, relative to the script"))
+                Err(value
+                    .refuse(format!("{}, which is not there", path.display()), "a map's file, relative to the script"))
             }
             "lighting" => match lighting::find(value.text()?, folder) {
                 Ok(file) => Ok(Self::Lighting(file.lighting)),
@@ -200,7 +202,9 @@ impl Source {
                 Err(Error::Io { path, source, .. }) => {
                     Err(value.refuse(format!("{} ({source})", path.display()), "a preset or a lighting file"))
                 }
-                Err(Error::Invalid { place, found, expected }) if place == "lighting" => Err(value.refuse(found, expected)),
+                Err(Error::Invalid { place, found, expected }) if place == "lighting" => {
+                    Err(value.refuse(found, expected))
+                }
                 Err(error) => Err(error),
             },
             _ => {
@@ -253,7 +257,12 @@ fn bounds(setting: &Setting, unit: &'static str) -> Bounds {
     }
 }
 
-fn curve<const N: usize>(table: &Table<'_>, key: &'static str, bounds: Bounds, otherwise: &Curve<N>) -> Result<Curve<N>> {
+fn curve<const N: usize>(
+    table: &Table<'_>,
+    key: &'static str,
+    bounds: Bounds,
+    otherwise: &Curve<N>,
+) -> Result<Curve<N>> {
     table.get(key).map_or_else(|| Ok(otherwise.clone()), |value| Curve::read(&value, bounds, false))
 }
 
@@ -300,7 +309,10 @@ mod tests {
             [[light]]
             lamp = [[1, 4], [3, 7]]";
         let script = Script::parse("s.toml", text, folder.path()).unwrap();
-        assert_eq!(script.look(2.0), Look { ambient: 0.5, method: Method::ZeroOrder, outside: Outside::Nearest, ..Look::default() });
+        assert_eq!(
+            script.look(2.0),
+            Look { ambient: 0.5, method: Method::ZeroOrder, outside: Outside::Nearest, ..Look::default() }
+        );
         let [park, key, mine, lamp] = &script.lights[..] else { panic!("four lights") };
         assert_eq!(park.source, Source::Map(folder.path().join("park.hdr")));
         assert_eq!((park.gain(1.0), park.gain(6.0), park.gain(20.0)), (1.0, 0.5, 0.0));
@@ -325,7 +337,10 @@ mod tests {
             (format!("rotation = []\n{env}"), &["line 1", "no keys"]),
             (format!("rotation = [[1]]\n{env}"), &["line 1", "[frame, value]"]),
             (format!("rotation = [[1, 2, \"smoth\"]]\n{env}"), &["line 1", "smoth", "`smooth`"]),
-            (format!("rotation = {{ keys = [[1, 2]], betwen = \"hold\" }}\n{env}"), &["line 1", "`betwen`", "`between`"]),
+            (
+                format!("rotation = {{ keys = [[1, 2]], betwen = \"hold\" }}\n{env}"),
+                &["line 1", "`betwen`", "`between`"],
+            ),
             (format!("exposure = 99\n{env}"), &["line 1", "99", "-40 to 40 stops"]),
             (format!("tint = 2\n{env}"), &["line 1", "a list of 3"]),
             (format!("reconstruct = \"liner\"\n{env}"), &["line 1", "liner", "`linear`"]),

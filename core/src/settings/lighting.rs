@@ -301,7 +301,10 @@ mod tests {
             (format!("{disc}rgb = [1, 1, -1]\n"), &["line 6", "-1", "0 to 1000"]),
             (format!("{disc}radius = 4\n"), &["line 6", "duplicate key"]),
             (format!("{disc}stops = inf\n"), &["line 6", "inf", "stops"]),
-            ("[[light]]\nkind = \"ring\"\nazimuth = 0\nelevation = 0\ninner = 5\nouter = 5\n".to_owned(), &["line 6", "`outer`", "`inner`"]),
+            (
+                "[[light]]\nkind = \"ring\"\nazimuth = 0\nelevation = 0\ninner = 5\nouter = 5\n".to_owned(),
+                &["line 6", "`outer`", "`inner`"],
+            ),
             (String::new(), &["a.toml", "no light", "[[light]]"]),
             ("light = 3\n".to_owned(), &["line 1", "[[light]]"]),
         ] {

@@ -136,10 +136,8 @@ impl Lamp {
             Shape::Dome { horizon, horizon_stops, ground } => return self.dome(horizon, horizon_stops, ground),
         };
         let all: f64 = patches.iter().map(|patch| patch.steradians).sum();
-        let beam = |patch: Patch| Beam {
-            direction: patch.direction,
-            irradiance: total.map(|t| t * patch.steradians / all),
-        };
+        let beam =
+            |patch: Patch| Beam { direction: patch.direction, irradiance: total.map(|t| t * patch.steradians / all) };
         patches.into_iter().map(beam).collect()
     }
 
@@ -149,8 +147,7 @@ impl Lamp {
         let h = horizon_stops.exp2();
         let k = self.stops.exp2() / (h / 3.0 + 2.0 / 3.0);
         // A diffuse ground of albedo a under irradiance E has the radiance a E / pi.
-        let below: [f64; 3] =
-            std::array::from_fn(|c| ground * k * (h * horizon[c] / 3.0 + 2.0 * self.colour[c] / 3.0));
+        let below: [f64; 3] = std::array::from_fn(|c| ground * k * (h * horizon[c] / 3.0 + 2.0 * self.colour[c] / 3.0));
         let radiance = |up: f64| -> [f64; 3] {
             if up < 0.0 {
                 return below;

@@ -121,11 +121,8 @@ fn beams_keep_their_distance() {
 #[test]
 fn a_dome_gives_the_zenith_its_stops() {
     for (horizon_stops, ground) in [(0.0, 0.0), ((1.0f64 / 3.0).log2(), 0.0), (2.0, 0.3)] {
-        let dome = Lamp {
-            shape: Shape::Dome { horizon: [1.0; 3], horizon_stops, ground },
-            colour: [1.0; 3],
-            stops: -1.0,
-        };
+        let dome =
+            Lamp { shape: Shape::Dome { horizon: [1.0; 3], horizon_stops, ground }, colour: [1.0; 3], stops: -1.0 };
         let beams = dome.beams();
         let up = irradiance(&beams, 1, Some(&Vec3::y()));
         assert!((up / (PI / 2.0) - 1.0).abs() < 1e-6, "{up}");
