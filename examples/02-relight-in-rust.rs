@@ -28,6 +28,8 @@ fn main() -> Result<()> {
         irradiance: PI,
         precision: Precision::Half,
         lengths: Lengths::Unit,
+        exclude: Vec::new(),
+        correction: None,
     };
     import.run(&asset, &mut |_, _| Ok(()))?;
 

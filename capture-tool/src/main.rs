@@ -4,8 +4,11 @@
 //! chooses the exit code: 0, 1 bad input, 2 usage, 130 stopped with Ctrl-C.
 
 mod commands;
+mod drawing;
 mod frames;
+mod new_folder;
 mod progress;
+mod projection;
 mod session;
 mod sheet;
 

@@ -11,12 +11,13 @@
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use relume_core::acquire::{Checked, ImportLp};
-use relume_core::files::folder_of;
 use relume_core::{Error, Result};
 use serde::Serialize;
+
+use crate::new_folder::NewFolder;
 
 /// Version of the layout above.
 const SESSION_VERSION: u32 = 1;
@@ -80,49 +81,6 @@ struct Entry<'a> {
     photograph: &'a Copied,
 }
 
-/// A session that is complete but has not taken its name yet; dropping it removes it.
-#[derive(Debug)]
-pub struct Staged {
-    folder: tempfile::TempDir,
-    target: PathBuf,
-}
-
-impl Staged {
-    /// Gives the folder its name.
-    ///
-    /// # Errors
-    /// Somebody has put something there meanwhile.
-    pub fn commit(self) -> Result<PathBuf> {
-        if self.target.is_dir() {
-            // Empty, as `check_target` saw; not every system renames over a folder. Removing fails if it is not.
-            fs::remove_dir(&self.target).map_err(|source| Error::io("replace", &self.target, source))?;
-        }
-        fs::rename(self.folder.path(), &self.target).map_err(|source| Error::io("create", &self.target, source))?;
-        // Renamed: the temporary name must not be removed any more, should somebody take it.
-        let _ = self.folder.keep();
-        Ok(self.target)
-    }
-}
-
-/// Checks that a session can be created at `target`: absent or an empty folder, in a folder that exists.
-///
-/// # Errors
-/// Something is there already.
-pub fn check_target(target: &Path) -> Result<()> {
-    let place = || target.display().to_string();
-    if target.is_dir() {
-        let mut entries = fs::read_dir(target).map_err(|source| Error::io("read", target, source))?;
-        return match entries.next() {
-            None => Ok(()),
-            Some(_) => Err(Error::invalid(place(), "a folder that is not empty", "a new or empty folder")),
-        };
-    }
-    if target.exists() {
-        return Err(Error::invalid(place(), "a file", "a new or empty folder"));
-    }
-    relume_core::files::check_folder(target)
-}
-
 /// Copies the photographs of an import, hashing each; `progress(photographs done, all)` may stop it.
 ///
 /// # Errors
@@ -132,11 +90,8 @@ pub fn stage(
     import: &ImportLp,
     checked: &Checked,
     progress: &mut dyn FnMut(u64, u64) -> Result<()>,
-) -> Result<Staged> {
-    let parent = folder_of(target);
-    let folder = tempfile::Builder::new().prefix(".relume-").suffix(".part").tempdir_in(parent);
-    let folder = folder.map_err(|source| Error::io("create a folder in", parent, source))?;
-    open_to_all(folder.path())?;
+) -> Result<NewFolder> {
+    let folder = NewFolder::begin(target)?;
     let root = folder.path();
     let copy = |from: &Path| copy_into(root, "calibration", from);
     let calibration = Calibration {
@@ -162,7 +117,7 @@ pub fn stage(
     relume_core::files::write_whole(&path, |file| {
         file.write_all(text.as_bytes()).map_err(|source| Error::io("write", &path, source))
     })?;
-    Ok(Staged { folder, target: target.to_owned() })
+    Ok(folder)
 }
 
 fn write_journal(root: &Path, checked: &Checked, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<()> {
@@ -211,14 +166,6 @@ fn copy_and_hash(from: &Path, to: &Path) -> Result<(u64, String)> {
     }
 }
 
-/// Temporary folders are private; a session is an ordinary folder. The umask is not known here, so it takes its parent's
-/// permissions.
-fn open_to_all(folder: &Path) -> Result<()> {
-    let fail = |source| Error::io("create", folder, source);
-    let permissions = fs::metadata(folder_of(folder)).map_err(fail)?.permissions();
-    fs::set_permissions(folder, permissions).map_err(fail)
-}
-
 #[cfg(test)]
 mod tests {
     use relume_core::domain::lp;
@@ -240,6 +187,8 @@ mod tests {
             irradiance: 2.0,
             precision: Precision::Half,
             lengths: lp::Lengths::Unit,
+            exclude: Vec::new(),
+            correction: None,
         }
     }
 
@@ -283,20 +232,5 @@ mod tests {
         let target = folder.path().join("session");
         assert!(matches!(stage(&target, &import, &checked(&import), &mut stop), Err(Error::Cancelled)));
         assert_eq!(names(folder.path()), ["a.png", "b.png", "l.lp"]);
-    }
-
-    #[test]
-    fn only_new_or_empty_folders_are_taken() {
-        let folder = tempfile::tempdir().unwrap();
-        let empty = folder.path().join("empty");
-        fs::create_dir(&empty).unwrap();
-        check_target(&empty).unwrap();
-        check_target(&folder.path().join("new")).unwrap();
-        assert!(check_target(folder.path()).unwrap_err().to_string().contains("not empty"));
-        assert!(check_target(&folder.path().join("absent/new")).unwrap_err().to_string().contains("does not exist"));
-        let import = import(folder.path());
-        assert!(check_target(&import.lp).unwrap_err().to_string().contains("found a file"));
-        stage(&empty, &import, &checked(&import), &mut |_, _| Ok(())).unwrap().commit().unwrap();
-        assert!(empty.join("session.toml").is_file());
     }
 }

@@ -26,7 +26,7 @@ pub fn contact_sheet(pictures: &[Image], references: &[Image]) -> Image {
 }
 
 /// What brings the 98th percentile of what is lit at all to white.
-fn exposure(picture: &Image) -> f32 {
+pub fn exposure(picture: &Image) -> f32 {
     let mut lit: Vec<f32> = picture.data().iter().copied().filter(|v| *v > 0.0).collect();
     if lit.is_empty() {
         return 1.0;

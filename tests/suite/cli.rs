@@ -108,7 +108,7 @@ pub(crate) fn info(field: &Path) -> Value {
     serde_json::from_str(&succeed(tool(&["info", "--json"]).arg(field))).unwrap()
 }
 
-fn files_in(folder: &Path) -> Vec<String> {
+pub(crate) fn files_in(folder: &Path) -> Vec<String> {
     let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().to_string_lossy().into_owned();
     let mut names: Vec<String> = fs::read_dir(folder).unwrap().map(name).collect();
     names.sort();

@@ -2,7 +2,9 @@
 
 mod cli;
 mod cli_sets;
+mod evaluate;
 mod host_self;
+mod layers;
 mod lights;
 mod look;
 mod photographs;

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 
 use relume_core::Result;
 use relume_core::domain::Directions;
-use relume_core::field::{Access, Asset, BLOCK_HEIGHT, BLOCK_WIDTH, Bands, Contents, Precision, write};
+use relume_core::field::{
+    Access, Asset, BLOCK_HEIGHT, BLOCK_WIDTH, Bands, Contents, NewLayer, Precision, add_layers, write,
+};
 use relume_core::illumination::EnvMap;
 use relume_core::image::{EncodeOptions, Image, Window, srgb};
 use relume_core::math::Vec3;
@@ -193,6 +195,37 @@ fn a_filter_composites_over_a_plate_that_lies_anywhere() {
             });
         }
     }
+}
+
+#[test]
+fn normals_and_albedo_are_outputs_that_need_no_light() {
+    let props = Props::new();
+    let layered = props.folder.path().join("layered.rfield");
+    let asset = Asset::open(&props.asset, Access::Read).unwrap();
+    let normal = |x: usize, y: usize| Vec3::new(0.02 * x as f64 - 0.5, 0.4 - 0.02 * y as f64, 1.0).normalize();
+    let normals = Image::from_fn(WIDTH, HEIGHT, |x, y| normal(x, y).map(|v| v as f32).into());
+    let albedo = Image::from_fn(WIDTH, HEIGHT, |x, y| [x as f32 / 64.0, y as f32 / 64.0, 0.25]);
+    let layers = [NewLayer { name: "normals", picture: &normals }, NewLayer { name: "albedo", picture: &albedo }];
+    add_layers(&asset, &layered, &layers, ("surface", serde_json::Value::Null), &mut |_, _| Ok(())).unwrap();
+    let alpha = |i: usize| asset.alpha().unwrap()[i];
+    with_instance(Options::default(), Context::Generator, |instance| {
+        instance.set_string("asset", &layered.display().to_string());
+        for (option, layer, edges) in [(3, &normals, true), (4, &albedo, false)] {
+            instance.set_choice("output", option);
+            let found = instance.render(&RenderArgs::default()).unwrap();
+            let expected: Vec<f32> = (0..WIDTH * HEIGHT)
+                .flat_map(|i| {
+                    let (p, scale) = (layer.pixel(i % WIDTH, i / WIDTH), if edges { alpha(i) } else { 1.0 });
+                    [p[0] * scale, p[1] * scale, p[2] * scale, alpha(i)]
+                })
+                .collect();
+            close(&found, &TestImage::from_rgba(WIDTH, HEIGHT, expected), 1e-6);
+        }
+        // An asset without them says what to do.
+        instance.set_string("asset", &props.asset.display().to_string());
+        let failed = instance.render(&RenderArgs::default());
+        assert_ne!(failed.status, 0, "an asset without albedo");
+    });
 }
 
 #[test]

@@ -17,7 +17,9 @@ use relume_core::image::{self, EncodeOptions, Image, Window};
 use relume_core::math::Vec3;
 use relume_core::reconstruct::Method;
 use relume_core::relight::{Light, Look, Relighter, Weights};
-use relume_core::simulate::{Camera, Class, ClassMap, Quality, Scene, Stage, classes, demo_lamps, lights, truth};
+use relume_core::simulate::{
+    Camera, Class, ClassMap, Quality, Scene, Stage, classes, demo_lamps, grid_lamps, lights, truth,
+};
 
 use crate::progress::{Progress, Unit};
 use crate::sheet;
@@ -26,6 +28,7 @@ const EXAMPLES: &str = "\
 Examples:
   relume demo
   relume demo --out /tmp/still-life --width 320
+  relume demo --out /tmp/grid --grid 64x20
 
 Under the window and the strip, mirror and glass differ much more than the rest: they show the lamps' cells, about 3 degrees
 wide, in place of the light itself. That is what a stage cannot sample (Peers 2006, 4.2).";
@@ -45,6 +48,25 @@ pub struct Arguments {
     /// Columns of the pictures; rows are three quarters. Time, and the size of the asset, grow with the square.
     #[arg(long, value_name = "PIXELS", default_value_t = 192, value_parser = clap::value_parser!(u16).range(16..=1920))]
     width: u16,
+    /// Lamps on a grid of so many longitudes x latitudes, as an arc above a turntable gives them, in place of 2560 evenly spread
+    /// ones: for methods that need a grid.
+    #[arg(long, value_name = "LONxLAT", value_parser = grid)]
+    grid: Option<(usize, usize)>,
+}
+
+/// Lamps at most: four times the plain demonstration's.
+const MOST_LAMPS: usize = 4 * LAMPS;
+
+fn grid(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once(['x', 'X']).and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    match parts {
+        Some((longitudes, latitudes)) if longitudes >= 4 && latitudes >= 2 => {
+            let fits = usize::checked_mul(longitudes, latitudes).is_some_and(|lamps| lamps <= MOST_LAMPS);
+            if fits { Ok((longitudes, latitudes)) } else { Err(format!("more than {MOST_LAMPS} lamps")) }
+        }
+        Some(_) => Err("fewer than 4 longitudes or 2 latitudes".to_owned()),
+        None => Err("not longitudes x latitudes, as in 64x20".to_owned()),
+    }
 }
 
 /// A light, and the picture of it that was made without the stage.
@@ -59,7 +81,9 @@ impl Arguments {
         std::fs::create_dir_all(&self.out).map_err(|source| Error::io("create", &self.out, source))?;
         let (width, height) = (usize::from(self.width), usize::from(self.width) * 3 / 4);
         let (scene, camera) = (Scene::demo(), Camera::demo(width, height));
-        let lamps = Directions::new(demo_lamps(LAMPS))?;
+        let lamps =
+            self.grid.map_or_else(|| demo_lamps(LAMPS), |(longitudes, latitudes)| grid_lamps(longitudes, latitudes));
+        let lamps = Directions::new(lamps)?;
         let seen = classes(&scene, &camera);
         let path = self.out.join("asset.rfield");
         photograph(&scene, camera, &lamps, &seen, &path)?;
@@ -163,4 +187,17 @@ fn report(out: &Path, cases: &[Case], relit: &[Image], truths: &[Image], seen: &
         out.display()
     )?;
     Ok(text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn grids_are_longitudes_by_latitudes() {
+        assert_eq!(grid("64x20"), Ok((64, 20)));
+        for bad in ["64", "64x", "x20", "64x20x3", "-64x20", "3x20", "64x1", "0x0", "1000x1000", "6.4x20", ""] {
+            assert!(grid(bad).is_err(), "{bad}");
+        }
+    }
 }

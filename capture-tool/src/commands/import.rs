@@ -1,24 +1,26 @@
 //! `relume import`: photographs taken elsewhere -> a field, a session folder, or both.
 
 use std::f32::consts::PI;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use relume_core::acquire::ImportLp;
+use relume_core::calibrate::Correction;
 use relume_core::domain::{Directions, lp};
 use relume_core::field::{Access, Asset, Precision};
 use relume_core::files;
 use relume_core::image::{ColourSpace, Encoding};
 
 use super::info::Info;
-use super::{note, values};
+use super::{calibrate, note, surface, values};
 use crate::progress::{Progress, Unit};
-use crate::session;
+use crate::{new_folder, session};
 
 const EXAMPLES: &str = "\
 Examples:
   relume import lp photographs/dirs.lp -o vase.rfield
   relume import lp photographs/dirs.lp -o vase.rfield --encoding linear --black black.tif --irradiance 2.7
+  relume import lp photographs/dirs.lp -o vase.rfield --exclude 37,52 --white-balance 1.9,1,1.6 --normals
   relume import lp photographs/dirs.lp --session vase-session";
 
 /// Kinds of import.
@@ -59,6 +61,15 @@ pub struct LpArguments {
     /// Scale direction vectors to length 1 where the file has others.
     #[arg(long)]
     normalise_directions: bool,
+    /// Lamps to leave out, counted from 1 in the order of the .lp file: those that `relume calibrate failed` found.
+    #[arg(long, value_name = "N,N", value_delimiter = ',')]
+    exclude: Vec<usize>,
+    /// White balance: a gain a channel, or a file that `relume calibrate white` wrote.
+    #[arg(long, value_name = "R,G,B|FILE", allow_hyphen_values = true)]
+    white_balance: Option<String>,
+    /// Also find normals and albedo (as `relume surface` does) and store them as layers.
+    #[arg(long, requires = "output")]
+    normals: bool,
 }
 
 /// Where to: at least one.
@@ -91,6 +102,7 @@ struct Plan {
     import: ImportLp,
     output: Option<PathBuf>,
     session: Option<PathBuf>,
+    normals: bool,
 }
 
 impl Source {
@@ -109,7 +121,7 @@ impl LpArguments {
             files::check_folder(output)?;
         }
         if let Some(folder) = &self.target.session {
-            session::check_target(folder)?;
+            new_folder::check(folder)?;
         }
         let import = ImportLp {
             lp: self.lp,
@@ -127,8 +139,10 @@ impl LpArguments {
                 PrecisionChoice::Float => Precision::Float,
             },
             lengths: if self.normalise_directions { lp::Lengths::Normalise } else { lp::Lengths::Unit },
+            exclude: self.exclude,
+            correction: self.white_balance.as_deref().map(white_balance).transpose()?,
         };
-        Ok(Plan { import, output: self.target.output, session: self.target.session })
+        Ok(Plan { import, output: self.target.output, session: self.target.session, normals: self.normals })
     }
 }
 
@@ -146,17 +160,46 @@ impl Plan {
         };
         let mut report = String::new();
         if let Some(output) = &self.output {
-            let mut progress = Progress::new("importing", Unit::Steps);
-            self.import.run(output, &mut |done, all| progress.step(done, all))?;
-            drop(progress);
+            let said = self.pack(output)?;
             let asset = Asset::open(output, Access::Read)?;
-            report += &format!("{}\n", Info::of(&asset).summary());
+            report += &format!("{}\n{said}", Info::of(&asset).summary());
         }
         if let Some(staged) = staged {
             let folder = staged.commit()?;
             report += &format!("{}: {} photographs\n", folder.display(), checked.lp.photographs.len());
         }
         Ok(report)
+    }
+
+    /// Writes the field; with normals by way of a temporary file beside it, so that it appears once and complete. Returns what
+    /// is to be said of the layers.
+    fn pack(&self, output: &Path) -> anyhow::Result<String> {
+        let import = |to: &Path| {
+            let mut progress = Progress::new("importing", Unit::Steps);
+            self.import.run(to, &mut |done, all| progress.step(done, all))
+        };
+        if !self.normals {
+            import(output)?;
+            return Ok(String::new());
+        }
+        let folder = files::folder_of(output);
+        let bare = tempfile::Builder::new().prefix(".relume-").suffix(".part").tempdir_in(folder);
+        let bare = bare.map_err(|source| relume_core::Error::io("create a folder in", folder, source))?;
+        let without = bare.path().join("without.rfield");
+        import(&without)?;
+        surface::add_surface(&Asset::open(&without, Access::Read)?, output)
+    }
+}
+
+/// `R,G,B`, or else the name of a file.
+fn white_balance(text: &str) -> anyhow::Result<Correction> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
+    match numbers.as_deref() {
+        Ok([r, g, b]) => Ok(Correction::gains([*r, *g, *b])?),
+        Ok(other) => {
+            anyhow::bail!("--white-balance {text}: found {} numbers, expected three gains or a file", other.len())
+        }
+        Err(_) => calibrate::read_correction(Path::new(text)),
     }
 }
 

@@ -45,6 +45,23 @@ pub(super) const MAP_FLAGS: [&str; 7] = ["rotate", "pitch", "roll", "map_centre"
 /// Those of [`MAP_FLAGS`] that mean nothing to lamps, which turn but are no map.
 pub(super) const TEXEL_FLAGS: [&str; 4] = ["map_centre", "map_space", "blur", "clamp"];
 
+/// All flags that shape light, for a picture that is lit by none.
+pub(super) const LIGHT_FLAGS: [&str; 13] = [
+    "reconstruct",
+    "rotate",
+    "pitch",
+    "roll",
+    "map_centre",
+    "map_space",
+    "blur",
+    "clamp",
+    "outside",
+    "exposure",
+    "tint",
+    "ambient",
+    "output_space",
+];
+
 /// What is done to any light, and to what comes out.
 #[derive(Debug, Args)]
 pub(super) struct GainFlags {

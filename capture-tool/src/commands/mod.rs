@@ -1,14 +1,20 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
 mod animate;
+mod calibrate;
 mod compare;
 mod demo;
+mod evaluate;
+mod hdr;
 mod import;
 mod info;
+mod inspect;
+mod layer;
 mod light_flags;
 mod lightings;
 mod map;
 mod relight;
+mod surface;
 mod values;
 mod verify;
 
@@ -22,6 +28,8 @@ pub enum Command {
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
+    /// Merge photographs of different exposures into one picture of linear light.
+    Hdr(hdr::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
     /// Light a captured object with lights that turn, fade and change: a picture a frame.
@@ -30,12 +38,22 @@ pub enum Command {
     Lightings(lightings::Arguments),
     /// Turn, blur, clamp, tint, expose, convert or resize a lat-long map (tint and exposure in the output's colours).
     Map(map::Arguments),
+    /// Find normals and albedo, and store them as layers.
+    Surface(surface::Arguments),
+    /// Draw the reflectance functions of some pixels, as sampled and as reconstructed.
+    Inspect(inspect::Arguments),
+    /// Measure what a rig must know: white, lamps that failed.
+    #[command(subcommand)]
+    Calibrate(calibrate::Subject),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
     Verify(verify::Arguments),
     /// Measure how far a picture is from a reference.
     Compare(compare::Arguments),
+    /// Measure methods against each other; the result is a page of pictures and numbers.
+    #[command(subcommand)]
+    Evaluate(evaluate::Subject),
 }
 
 impl Command {
@@ -47,13 +65,18 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
+            Command::Hdr(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Animate(arguments) => arguments.run(),
             Command::Lightings(arguments) => arguments.run(),
             Command::Map(arguments) => arguments.run(),
+            Command::Surface(arguments) => arguments.run(),
+            Command::Inspect(arguments) => arguments.run(),
+            Command::Calibrate(subject) => subject.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),
+            Command::Evaluate(subject) => subject.run(),
         }
     }
 }

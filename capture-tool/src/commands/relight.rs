@@ -11,7 +11,8 @@ use relume_core::reconstruct::Outside;
 use relume_core::relight::{Light, Look, Relighter, Weights};
 use relume_core::settings;
 
-use super::light_flags::{GainFlags, MAP_FLAGS, MapFlags, TEXEL_FLAGS};
+use super::layer::LayerChoice;
+use super::light_flags::{GainFlags, LIGHT_FLAGS, MAP_FLAGS, MapFlags, TEXEL_FLAGS};
 use super::{note, values};
 use crate::progress::{self, Progress, Unit};
 
@@ -22,7 +23,8 @@ Examples:
   relume relight vase.rfield --lighting three-point --rotate 20 -o vase.exr
   relume relight vase.rfield --env park.exr --pitch 20 --blur 10 --clamp 50 --tint 1,0.9,0.8 -o soft.exr
   relume relight vase.rfield --env aces.exr --map-space aces2065_1 --output-space acescg -o vase.exr
-  relume relight vase.rfield --lamp 17 -o lamp17.exr";
+  relume relight vase.rfield --lamp 17 -o lamp17.exr
+  relume relight vase.rfield --layer normals -o normals.exr";
 
 /// About how much of the field is streamed between two looks at Ctrl-C.
 const BAND_BYTES: usize = 256 << 20;
@@ -72,6 +74,10 @@ struct LightArguments {
     /// Lights one captured lamp, counted from 1, as it was photographed.
     #[arg(long, value_name = "N", conflicts_with_all = MAP_FLAGS)]
     lamp: Option<usize>,
+    /// In place of a light: a layer of the asset as it is. Normals are in the stage frame (+x right, +y up, +z to the camera);
+    /// .png and .jpg, which hold nothing below zero, get (n + 1) / 2.
+    #[arg(long, value_enum, value_name = "LAYER", conflicts_with_all = LIGHT_FLAGS)]
+    layer: Option<LayerChoice>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -96,6 +102,7 @@ enum LightPlan {
     /// What messages call it, and its beams.
     Lighting(String, Vec<Beam>),
     Lamp(usize),
+    Layer(LayerChoice),
 }
 
 /// Checked flags.
@@ -117,14 +124,15 @@ impl Arguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.output)?;
-        let light = match (self.light.env, self.light.lighting, self.light.lamp) {
-            (Some(map), None, None) => LightPlan::Map(map),
-            (None, Some(name), None) => {
+        let light = match (self.light.env, self.light.lighting, self.light.lamp, self.light.layer) {
+            (Some(map), None, None, None) => LightPlan::Map(map),
+            (None, Some(name), None, None) => {
                 let file = settings::lighting::find(&name, Path::new(""))?;
                 LightPlan::Lighting(name, file.lighting.beams())
             }
-            (None, None, Some(number)) => LightPlan::Lamp(number),
-            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME or --lamp N"),
+            (None, None, Some(number), None) => LightPlan::Lamp(number),
+            (None, None, None, Some(layer)) => LightPlan::Layer(layer),
+            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME or --lamp N, or a --layer"),
         };
         let mut look = Look {
             method: settings::method(self.reconstruct),
@@ -140,7 +148,11 @@ impl Arguments {
 
 impl Plan {
     fn carry_out(&self) -> anyhow::Result<String> {
-        let relighter = Relighter::new(Asset::open(&self.asset, self.access)?);
+        let asset = Asset::open(&self.asset, self.access)?;
+        if let LightPlan::Layer(layer) = self.light {
+            return layer.write(&asset, &self.output);
+        }
+        let relighter = Relighter::new(asset);
         if self.look.ambient != 0.0 && relighter.asset().ambient().is_none() {
             note(&format!("{} has no ambient picture: --ambient adds nothing", self.asset.display()));
         }
@@ -168,6 +180,7 @@ impl Plan {
                 }
                 Ok(weights)
             }
+            LightPlan::Layer(_) => anyhow::bail!("a layer has no light"),
             LightPlan::Map(path) => {
                 let map = EnvMap::load(path).context("cannot use the environment map")?;
                 let weights = relighter.weights(Light::Map(&map), &self.look)?;

@@ -4,6 +4,7 @@
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use relume_core::evaluate::{FEWEST_KEPT, Keep};
 use relume_core::image::ColourSpace;
 use relume_core::settings::{Kind, Setting};
 
@@ -80,6 +81,65 @@ pub fn positive(text: &str) -> Result<f32, String> {
     if value.is_normal() && value > 0.0 { Ok(value) } else { Err("not a positive number".to_owned()) }
 }
 
+/// Three positive numbers with commas between.
+pub fn three_positive(text: &str) -> Result<[f64; 3], String> {
+    let numbers: [f64; 3] = listed(text, finite)?;
+    if numbers.iter().all(|v| *v > 0.0) { Ok(numbers) } else { Err("not three positive numbers".to_owned()) }
+}
+
+/// Eight numbers with commas between.
+pub fn eight_numbers(text: &str) -> Result<[f64; 8], String> {
+    listed(text, finite)
+}
+
+/// A place and a size: left, top, and a width and height that are not zero.
+pub fn four_counts(text: &str) -> Result<[usize; 4], String> {
+    let counts: [usize; 4] = listed(text, count)?;
+    if counts[2] > 0 && counts[3] > 0 { Ok(counts) } else { Err("a width or height of zero".to_owned()) }
+}
+
+/// A pixel: column and row from the top left, from 0.
+pub fn pixel(text: &str) -> Result<[usize; 2], String> {
+    listed(text, count)
+}
+
+fn count(text: &str) -> Result<usize, String> {
+    text.parse().map_err(|_| format!("`{text}` is not a whole number from 0 on"))
+}
+
+fn listed<T, const N: usize>(text: &str, parse: impl Fn(&str) -> Result<T, String>) -> Result<[T; N], String> {
+    let parts: Vec<T> = text.split(',').map(|part| parse(part.trim())).collect::<Result<_, _>>()?;
+    let found = parts.len();
+    parts.try_into().map_err(|_| format!("{found} numbers in place of {N}, with commas between and decimal dots"))
+}
+
+/// How many lamps to keep: a part below one, as 1/4 or 0.25, or a whole number.
+pub fn keep(text: &str) -> Result<Keep, String> {
+    const WANTED: &str = "not a part such as 1/4 or 0.25, nor a whole number of lamps";
+    let part = |share: f64| {
+        if share > 0.0 && share < 1.0 {
+            Ok(Keep::Share(share))
+        } else {
+            Err("not a part more than zero and less than one".to_owned())
+        }
+    };
+    if let Some((above, below)) = text.split_once('/') {
+        let number = |text: &str| u32::from_str(text.trim()).map_err(|_| WANTED.to_owned());
+        let (above, below) = (number(above)?, number(below)?);
+        return if below == 0 {
+            Err("divided by nothing".to_owned())
+        } else {
+            part(f64::from(above) / f64::from(below))
+        };
+    }
+    match usize::from_str(text) {
+        Ok(count) if count < FEWEST_KEPT => Err(format!("at least {FEWEST_KEPT} lamps are needed")),
+        Ok(count) => Ok(Keep::Count(count)),
+        Err(_) if text.contains('.') || text.contains(',') => part(finite(text)?),
+        Err(_) => Err(WANTED.to_owned()),
+    }
+}
+
 fn finite(text: &str) -> Result<f64, String> {
     match f64::from_str(text) {
         Ok(value) if value.is_finite() => Ok(value),
@@ -154,6 +214,18 @@ mod tests {
         assert_eq!(positive("2"), Ok(2.0));
         for bad in ["0", "-1", "1e60", "1e-60", "nan", "inf"] {
             assert!(positive(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_set() {
+        assert_eq!(keep("1/4"), Ok(Keep::Share(0.25)));
+        assert_eq!(keep("0.25"), Ok(Keep::Share(0.25)));
+        assert_eq!(keep("320"), Ok(Keep::Count(320)));
+        for bad in
+            ["0", "3", "1/0", "0/4", "4/4", "5/4", "-1/4", "1/4/2", "1.5", "0.0", "-4", "nan", "", "quarter", "0,25"]
+        {
+            assert!(keep(bad).is_err(), "{bad}");
         }
     }
 }

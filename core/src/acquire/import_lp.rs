@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Photographs;
+use crate::calibrate::Correction;
 use crate::domain::{Directions, lp};
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, Bands, Contents, Precision, write};
@@ -33,6 +34,10 @@ pub struct ImportLp {
     pub precision: Precision,
     /// What to do with vectors that are not of unit length.
     pub lengths: lp::Lengths,
+    /// Lamps to leave out, counted from 1 in the order of the `.lp` file: those that were dark or hidden. The rest close up.
+    pub exclude: Vec<usize>,
+    /// White balance of every photograph, the black one included.
+    pub correction: Option<Correction>,
 }
 
 /// What an import made.
@@ -49,7 +54,7 @@ pub struct Imported {
 /// What a look at the `.lp` file and the headers of all photographs found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checked {
-    /// The photographs and their directions.
+    /// The photographs and their directions, without those left out.
     pub lp: lp::Lp,
     /// Columns, of every picture.
     pub width: usize,
@@ -67,7 +72,8 @@ impl ImportLp {
         if !(self.irradiance.is_finite() && self.irradiance > 0.0) {
             return Err(Error::invalid("irradiance", self.irradiance.to_string(), "a positive number"));
         }
-        let lp = lp::read(&self.lp, self.lengths)?;
+        let mut lp = lp::read(&self.lp, self.lengths)?;
+        self.leave_out(&mut lp)?;
         let (width, height) = self.check_sizes(&lp)?;
         Ok(Checked { lp, width, height })
     }
@@ -111,6 +117,24 @@ impl ImportLp {
         Ok(Imported { lamps: photographs.len(), width, height })
     }
 
+    /// Drops the lamps that are to be left out.
+    fn leave_out(&self, lp: &mut lp::Lp) -> Result<()> {
+        let count = lp.photographs.len();
+        let refuse = |found: String, expected: String| {
+            Err(Error::invalid(format!("lamps left out of {}", self.lp.display()), found, expected))
+        };
+        if let Some(wrong) = self.exclude.iter().find(|n| !(1..=count).contains(*n)) {
+            return refuse(format!("number {wrong}"), format!("1 to {count}, in the order of the file"));
+        }
+        let kept = |n: &usize| !self.exclude.contains(&(n + 1));
+        if !(0..count).any(|n| kept(&n)) {
+            return refuse(format!("all {count} of them"), "at least one lamp that stays".to_owned());
+        }
+        lp.photographs = (0..count).filter(kept).map(|n| lp.photographs[n].clone()).collect();
+        lp.directions = (0..count).filter(kept).map(|n| lp.directions[n]).collect();
+        Ok(())
+    }
+
     fn check_sizes(&self, lp: &lp::Lp) -> Result<(usize, usize)> {
         let first = &lp.photographs[0];
         let size = probe_size(first)?;
@@ -130,7 +154,11 @@ impl ImportLp {
     }
 
     fn photograph(&self, path: &Path) -> Result<Image> {
-        Ok(read(path, self.encoding)?.into_rgb())
+        let mut picture = read(path, self.encoding)?.into_rgb();
+        if let Some(correction) = &self.correction {
+            correction.apply(&mut picture);
+        }
+        Ok(picture)
     }
 
     /// `(photo - S) / E`.
@@ -146,12 +174,17 @@ impl ImportLp {
 
     fn provenance(&self, photographs: &[PathBuf]) -> serde_json::Value {
         let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let mut excluded = self.exclude.clone();
+        excluded.sort_unstable();
+        excluded.dedup();
         serde_json::json!({
             "source": "import lp",
             "lp": name(&self.lp),
             "encoding": format!("{:?}", self.encoding).to_lowercase(),
             "black": self.black.as_deref().map(name),
             "alpha": self.alpha.as_deref().map(name),
+            "excluded": excluded,
+            "white_balance": self.correction.map(|correction| *correction.rows()),
             "photographs": photographs.iter().map(|path| name(path)).collect::<Vec<_>>(),
         })
     }

@@ -4,9 +4,14 @@
 //! |---|---|
 //! | `photographs` | pictures of `T`, one a lamp, turned into the container's blocks in bounded memory |
 //! | `import_lp` | a folder of one-light-at-a-time photographs with its `.lp` file -> a container |
+//! | `surface` | normals and albedo from the reflectance functions |
+//! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
 mod import_lp;
 mod photographs;
+mod stereo;
+mod surface;
 
 pub use import_lp::{Checked, ImportLp, Imported};
 pub use photographs::Photographs;
+pub use surface::{Surface, surface};

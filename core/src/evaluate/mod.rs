@@ -1,5 +1,26 @@
-//! Errors and figures: how far one picture is from another.
+//! Errors and figures.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | `compare` | how far one picture is from another |
+//! | `subset` | a set of lamps thinned, to judge what is filled in between (4.4.1) |
+//! | [`reconstruction`] | relative errors of rebuilt reflectance functions, for every method |
+//! | [`pixel_sets`] | diffuse, glossy and shadowed pixels, from their reflectance functions |
+//! | [`sliver`] | a turning sliver of light: a column of the picture over time (figures 4.17 and 4.18) |
+//! | `relit` | errors of relit pictures |
+//! | `blocks` | the field, block by block, in bounded memory |
 
+mod blocks;
 mod compare;
+pub mod pixel_sets;
+pub mod reconstruction;
+mod relit;
+pub mod sliver;
+mod subset;
+#[cfg(test)]
+mod testing;
 
+pub use blocks::Progress;
 pub use compare::{Comparison, compare};
+pub use relit::relit_errors;
+pub use subset::{FEWEST_KEPT, Keep, Rule, Subset};

@@ -1,7 +1,8 @@
 //! An open container.
 
+use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
@@ -27,6 +28,8 @@ pub struct Asset {
     dense: Dense,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
+    normals: Option<Picture>,
+    albedo: Option<Picture>,
     entries: Entries,
     store: Arc<Store>,
 }
@@ -60,7 +63,23 @@ impl Asset {
             let place = format!("{place}, layers/alpha.npy, pixel ({}, {})", at % w, at / w);
             return Err(Error::invalid(place, "a number outside 0 to 1", "a coverage"));
         }
-        Ok(Self { manifest, colour_space, domain: Arc::new(domain), dense, ambient, alpha, entries, store })
+        let picture = |name: &str| -> Result<Option<Picture>> {
+            let entry = manifest.layers.get(name);
+            entry.map(|entry| Ok(Picture::new(entry, open.array(entry, "<f4", &[h, w, 3], 4)?))).transpose()
+        };
+        let (normals, albedo) = (picture("normals")?, picture("albedo")?);
+        Ok(Self {
+            manifest,
+            colour_space,
+            domain: Arc::new(domain),
+            dense,
+            ambient,
+            alpha,
+            normals,
+            albedo,
+            entries,
+            store,
+        })
     }
 
     /// Where it lies.
@@ -113,6 +132,38 @@ impl Asset {
         self.alpha.as_deref()
     }
 
+    /// Unit normals in the stage frame, width x height x 3, zero where unreliable; read from the file on first use.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read; numbers that are not finite; a vector that is neither zero nor of unit length.
+    pub fn normals(&self) -> Result<Option<&Image>> {
+        let check = |n: &[f32]| {
+            let square: f32 = n.iter().map(|v| v * v).sum();
+            // Halves and quantised maps of other makers are a little off.
+            square == 0.0 || (0.98..1.02).contains(&square)
+        };
+        self.normals.as_ref().map(|layer| layer.get(self, check, "a unit vector, or zero")).transpose()
+    }
+
+    /// Diffuse albedo, linear RGB, width x height x 3, zero where unreliable; read from the file on first use.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read; numbers that are negative or not finite.
+    pub fn albedo(&self) -> Result<Option<&Image>> {
+        let check = |a: &[f32]| a.iter().all(|v| *v >= 0.0);
+        self.albedo.as_ref().map(|layer| layer.get(self, check, "no negative number")).transpose()
+    }
+
+    /// Where every entry lies.
+    pub(super) fn entries(&self) -> &Entries {
+        &self.entries
+    }
+
+    /// The file.
+    pub(super) fn store(&self) -> &Store {
+        &self.store
+    }
+
     /// Checks the BLAKE3 of every entry against the manifest; `progress(done, total)` in bytes may stop it.
     ///
     /// # Errors
@@ -152,6 +203,47 @@ impl Asset {
     }
 }
 
+/// A layer that most users never look at: found and measured when the container is opened, read when it is wanted.
+#[derive(Debug)]
+struct Picture {
+    entry: String,
+    range: Range<u64>,
+    picture: OnceLock<Image>,
+}
+
+impl Picture {
+    fn new(entry: &str, range: Range<u64>) -> Self {
+        Self { entry: entry.to_owned(), range, picture: OnceLock::new() }
+    }
+
+    /// The picture; every pixel must pass `check`. Two threads that come first both read it; the result is the same.
+    fn get(&self, asset: &Asset, check: impl Fn(&[f32]) -> bool, expected: &str) -> Result<&Image> {
+        if let Some(picture) = self.picture.get() {
+            return Ok(picture);
+        }
+        let place = format!("{}, {}", asset.path().display(), self.entry);
+        let data = floats(&asset.store, &self.range, &place)?;
+        if let Some(at) = data.chunks_exact(3).position(|pixel| !check(pixel)) {
+            let (x, y) = (at % asset.width(), at / asset.width());
+            let found = format!("{:?}", &data[3 * at..3 * at + 3]);
+            return Err(Error::invalid(format!("{place}, pixel ({x}, {y})"), found, expected));
+        }
+        let picture = Image::from_data(asset.width(), asset.height(), 3, data)?;
+        Ok(self.picture.get_or_init(|| picture))
+    }
+}
+
+/// The numbers of a float layer; NaN and infinities are refused.
+fn floats(store: &Store, range: &Range<u64>, place: &str) -> Result<Vec<f32>> {
+    let mut scratch = Scratch::default();
+    let bytes = store.get(range.start, (range.end - range.start) as usize, &mut scratch)?;
+    let data: Vec<f32> = bytes.par_chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    match data.iter().position(|v| !v.is_finite()) {
+        Some(at) => Err(Error::invalid(format!("{place}, number {at}"), data[at].to_string(), "a finite number")),
+        None => Ok(data),
+    }
+}
+
 /// What opening an array needs.
 struct Opening<'a> {
     store: &'a Store,
@@ -161,7 +253,7 @@ struct Opening<'a> {
 
 impl Opening<'_> {
     /// Where the numbers of an array lie, once its header and size are right.
-    fn array(&self, entry: &str, descr: &str, shape: &[usize], bytes: usize) -> Result<std::ops::Range<u64>> {
+    fn array(&self, entry: &str, descr: &str, shape: &[usize], bytes: usize) -> Result<Range<u64>> {
         let place = format!("{}, {entry}", self.place);
         let range = self
             .entries
@@ -186,17 +278,6 @@ impl Opening<'_> {
 
     /// A whole float layer in memory; NaN and infinities are refused.
     fn layer(&self, entry: &str, shape: &[usize]) -> Result<Vec<f32>> {
-        let range = self.array(entry, "<f4", shape, 4)?;
-        let mut scratch = Scratch::default();
-        let bytes = self.store.get(range.start, (range.end - range.start) as usize, &mut scratch)?;
-        let data: Vec<f32> = bytes.par_chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-        match data.iter().position(|v| !v.is_finite()) {
-            Some(at) => Err(Error::invalid(
-                format!("{}, {entry}, number {at}", self.place),
-                data[at].to_string(),
-                "a finite number",
-            )),
-            None => Ok(data),
-        }
+        floats(self.store, &self.array(entry, "<f4", shape, 4)?, &format!("{}, {entry}", self.place))
     }
 }

@@ -66,7 +66,7 @@ pub struct Manifest {
     pub domain: Domain,
     /// How `T` is represented.
     pub representation: Representation,
-    /// Layer name -> entry: `ambient`, `alpha`.
+    /// Layer name -> entry: `ambient`, `alpha`, `normals`, `albedo`.
     pub layers: BTreeMap<String, String>,
     /// Where the field came from; free form, for people.
     pub provenance: serde_json::Value,

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! transport/dense.npy   T, [block y, block x, channel, element, 8, 16], `<f2` or `<f4`
-//! layers/*.npy          ambient S (height, width, 3), alpha (height, width), `<f4`, row 0 at the top
+//! layers/*.npy          ambient S, normals, albedo (height, width, 3), alpha (height, width), `<f4`, row 0 at the top
 //! preview.png           a lit picture for file browsers
 //! manifest.json         what it is, the domain with its geometry, provenance, BLAKE3 of every other entry
 //! ```
@@ -22,6 +22,7 @@
 //! | `dense` | one coefficient picture per element |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
+//! | `rewrite` | a container with layers added |
 
 mod archive;
 mod asset;
@@ -29,12 +30,14 @@ mod dense;
 mod manifest;
 mod mapping;
 mod npy;
+mod rewrite;
 mod store;
 mod writer;
 
 pub use asset::Asset;
 pub use dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout};
 pub use manifest::{FORMAT, Manifest, Precision, VERSION};
+pub use rewrite::{NewLayer, add_layers};
 pub use store::Access;
 pub use writer::{Bands, Contents, write};
 

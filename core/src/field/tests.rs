@@ -288,3 +288,73 @@ fn what_is_no_container_is_refused() {
     assert!(matches!(Asset::open(&folder.path().join("absent"), Access::Mapped), Err(Error::Io { .. })));
     assert!(Asset::open(folder.path(), Access::Mapped).is_err(), "a folder");
 }
+
+/// Every byte of the transport's array.
+fn transport_bytes(path: &Path) -> Vec<u8> {
+    let mut zip = zip::ZipArchive::new(std::fs::File::open(path).unwrap()).unwrap();
+    let mut bytes = Vec::new();
+    zip.by_name("transport/dense.npy").unwrap().read_to_end(&mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn layers_are_added_and_all_else_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let before = Asset::open(&path, Access::Read).unwrap();
+    assert!(before.normals().unwrap().is_none() && before.albedo().unwrap().is_none());
+    let normals = Image::from_fn(37, 21, |x, _| if x % 2 == 0 { [0.6, 0.0, 0.8] } else { [0.0; 3] });
+    let albedo = Image::from_fn(37, 21, |x, y| [x as f32, y as f32, 0.25]);
+    let layers = [NewLayer { name: "normals", picture: &normals }, NewLayer { name: "albedo", picture: &albedo }];
+    let note = || ("surface", serde_json::json!({"reliable": 7}));
+    let bytes = transport_bytes(&path);
+    // To another file, then onto the file itself, where layers are replaced.
+    let other = folder.path().join("b.rfield");
+    add_layers(&before, &other, &layers, note(), &mut no_progress).unwrap();
+    add_layers(&before, &path, &layers[..1], note(), &mut no_progress).unwrap();
+    add_layers(&Asset::open(&path, Access::Read).unwrap(), &path, &layers, note(), &mut no_progress).unwrap();
+    for path in [&other, &path] {
+        let after = Asset::open(path, Access::Mapped).unwrap();
+        after.verify(&mut no_progress).unwrap();
+        assert_eq!((after.normals().unwrap(), after.albedo().unwrap()), (Some(&normals), Some(&albedo)));
+        assert_eq!((after.ambient(), after.alpha()), (before.ambient(), before.alpha()));
+        assert_eq!(after.manifest().domain, before.manifest().domain);
+        assert_eq!(after.manifest().provenance["source"], "formula");
+        assert_eq!(after.manifest().provenance["surface"]["reliable"], 7);
+        assert_eq!(transport_bytes(path), bytes);
+    }
+}
+
+#[test]
+fn unsuitable_layers_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let asset = Asset::open(&path, Access::Read).unwrap();
+    let output = folder.path().join("b.rfield");
+    let add = |name: &str, picture: &Image| {
+        add_layers(&asset, &output, &[NewLayer { name, picture }], ("x", serde_json::Value::Null), &mut no_progress)
+    };
+    let message = add("normals", &Image::new(36, 21, 3)).unwrap_err().to_string();
+    assert!(message.contains("normals") && message.contains("37 x 21"), "{message}");
+    assert!(!output.exists());
+    // Read back, a layer must be what it says.
+    let pixel = |bad: [f32; 3]| Image::from_fn(37, 21, |x, y| if (x, y) == (5, 3) { bad } else { [0.0; 3] });
+    for (name, bad) in [("normals", [0.5, 0.0, 0.0]), ("normals", [f32::NAN; 3]), ("albedo", [0.1, -0.1, 0.0])] {
+        add(name, &pixel(bad)).unwrap();
+        let opened = Asset::open(&output, Access::Read).unwrap();
+        let result = if name == "normals" { opened.normals().map(|_| ()) } else { opened.albedo().map(|_| ()) };
+        let message = result.unwrap_err().to_string();
+        let place = if bad[0].is_nan() { "number 348" } else { "pixel (5, 3)" };
+        assert!(message.contains(name) && message.contains(place), "{message}");
+    }
+    // Bytes that are no longer those that were written are not passed on under a new hash.
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[4096] ^= 1;
+    let damaged = folder.path().join("c.rfield");
+    std::fs::write(&damaged, bytes).unwrap();
+    let asset = Asset::open(&damaged, Access::Read).unwrap();
+    let layer = [NewLayer { name: "albedo", picture: &Image::new(37, 21, 3) }];
+    let message =
+        add_layers(&asset, &output, &layer, ("x", serde_json::Value::Null), &mut no_progress).unwrap_err().to_string();
+    assert!(message.contains("the bytes have changed"), "{message}");
+}

@@ -118,9 +118,7 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
             provenance: contents.provenance.clone(),
             blake3: std::mem::take(&mut out.blake3),
         };
-        let text =
-            serde_json::to_vec_pretty(&manifest).map_err(|e| Error::invalid("manifest", e.to_string(), "JSON"))?;
-        out.entry("manifest.json", &text)?;
+        out.manifest(&manifest)?;
         ManuallyDrop::into_inner(out.zip).finish().map_err(|error| failed(path, error))?;
         Ok(())
     })
@@ -149,7 +147,7 @@ fn exposed(mut picture: Image) -> Image {
     picture
 }
 
-fn failed(path: &Path, error: zip::result::ZipError) -> Error {
+pub(super) fn failed(path: &Path, error: zip::result::ZipError) -> Error {
     match error {
         zip::result::ZipError::Io(source) => Error::io("write", path, source),
         other => Error::io("write", path, std::io::Error::other(other)),
@@ -157,16 +155,17 @@ fn failed(path: &Path, error: zip::result::ZipError) -> Error {
 }
 
 /// The entries written so far.
-struct Entries<'a> {
+pub(super) struct Entries<'a> {
     /// Not dropped after a failure: dropping an unfinished writer tries to finish it, into a file that is about to go, and
     /// complains on the standard error, which is not ours to write to.
-    zip: ManuallyDrop<ZipWriter<&'a mut BufWriter<File>>>,
-    path: &'a Path,
-    blake3: BTreeMap<String, String>,
+    pub zip: ManuallyDrop<ZipWriter<&'a mut BufWriter<File>>>,
+    pub path: &'a Path,
+    /// Entry -> hash, for the manifest.
+    pub blake3: BTreeMap<String, String>,
 }
 
 impl Entries<'_> {
-    fn start(&mut self, name: &str) -> Result<()> {
+    pub fn start(&mut self, name: &str) -> Result<()> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(true)
@@ -174,12 +173,12 @@ impl Entries<'_> {
         self.zip.start_file(name, options).map_err(|error| failed(self.path, error))
     }
 
-    fn append(&mut self, bytes: &[u8], hasher: &mut blake3::Hasher) -> Result<()> {
+    pub fn append(&mut self, bytes: &[u8], hasher: &mut blake3::Hasher) -> Result<()> {
         hasher.update_rayon(bytes);
         self.zip.write_all(bytes).map_err(|source| Error::io("write", self.path, source))
     }
 
-    fn end(&mut self, name: &str, hasher: &blake3::Hasher) {
+    pub fn end(&mut self, name: &str, hasher: &blake3::Hasher) {
         self.blake3.insert(name.to_owned(), hasher.finalize().to_hex().to_string());
     }
 
@@ -191,10 +190,17 @@ impl Entries<'_> {
         Ok(())
     }
 
-    fn floats(&mut self, name: &str, shape: &[usize], data: &[f32]) -> Result<()> {
+    pub fn floats(&mut self, name: &str, shape: &[usize], data: &[f32]) -> Result<()> {
         let mut bytes = npy::header("<f4", shape);
         bytes.extend(data.iter().flat_map(|v| v.to_le_bytes()));
         self.entry(name, &bytes)
+    }
+
+    /// The last entry.
+    pub fn manifest(&mut self, manifest: &Manifest) -> Result<()> {
+        let text =
+            serde_json::to_vec_pretty(manifest).map_err(|e| Error::invalid("manifest", e.to_string(), "JSON"))?;
+        self.entry("manifest.json", &text)
     }
 
     /// Streams `T`; returns the mean over its elements, a picture lit from everywhere.

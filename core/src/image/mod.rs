@@ -24,7 +24,7 @@ mod tiff;
 mod write;
 
 pub use colour::{ColourSpace, Conversion, Primaries};
-pub use read::{Encoding, probe_size, read};
+pub use read::{Encoding, SampleType, probe_size, read, read_codes};
 pub use write::{EncodeOptions, check_output, encode_png8, write};
 
 use crate::error::{Error, Result};

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use ::image::ImageFormat;
 
-use super::stored::check_size;
+use super::stored::{Samples, check_size};
 use super::{Image, exr, raster, tiff};
 use crate::error::{Error, Result};
 
@@ -56,6 +56,51 @@ pub fn read(path: &Path, encoding: Encoding) -> Result<Image> {
         FileType::Tiff => tiff::read(path, file)?,
     };
     stored.into_linear(path, encoding)
+}
+
+/// How a file holds its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SampleType {
+    /// Codes of 8 bits after lossy compression: JPEG.
+    Jpeg,
+    /// Codes of 8 bits.
+    U8,
+    /// Codes of 16 bits.
+    U16,
+    /// Floats, and what becomes floats: EXR, HDR, float TIFF.
+    Float,
+}
+
+impl SampleType {
+    /// The largest code; `None` for floats.
+    pub fn largest_code(self) -> Option<u16> {
+        match self {
+            Self::Jpeg | Self::U8 => Some(u16::from(u8::MAX)),
+            Self::U16 => Some(u16::MAX),
+            Self::Float => None,
+        }
+    }
+}
+
+/// Reads as [`read`] does, but leaves codes alone: integer codes divided by the largest one, floats as they are, and how
+/// the file holds them. For what has a transfer curve of its own, such as a camera.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_codes(path: &Path) -> Result<(Image, SampleType)> {
+    let (file, file_type) = open(path)?;
+    let stored = match file_type {
+        FileType::Exr => exr::read(path, file)?,
+        FileType::Raster(format) => raster::read(path, file, format)?,
+        FileType::Tiff => tiff::read(path, file)?,
+    };
+    let sample_type = match (&stored.samples, file_type) {
+        (Samples::U8(_), FileType::Raster(ImageFormat::Jpeg)) => SampleType::Jpeg,
+        (Samples::U8(_), _) => SampleType::U8,
+        (Samples::U16(_), _) => SampleType::U16,
+        (Samples::F32(_), _) => SampleType::Float,
+    };
+    Ok((stored.into_linear(path, Encoding::Linear)?, sample_type))
 }
 
 /// Width and height of the picture [`read`] would give, from the header alone.

@@ -11,9 +11,11 @@
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
 //! | `relighter` | an asset and its projections |
+//! | `layers` | pictures that no light makes: coverage, normals, albedo, ambient |
 
 mod apply;
 pub mod kernels;
+mod layers;
 mod look;
 mod prepare;
 mod projections;
@@ -22,6 +24,7 @@ mod relighter;
 use crate::image::Conversion;
 
 pub use apply::apply;
+pub use layers::{Layer, displayed_normals};
 pub use look::Look;
 pub use prepare::prepared;
 pub use relighter::{Light, Relighter, WIDEST_MAP};

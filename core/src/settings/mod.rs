@@ -199,14 +199,20 @@ pub const OUTSIDE: Setting = Setting {
     hint: "Light from where no lamp was: dropped, or given to the nearest lamp.",
     kind: Kind::Choice { default: 0, options: &[("drop", "Drop"), ("nearest", "Nearest")] },
 };
-/// Composite, element, alpha.
+/// Composite, element, alpha, normals, albedo.
 pub const OUTPUT: Setting = Setting {
     id: "output",
     label: "Output",
-    hint: "Composite over Source, the lit element alone, or its alpha.",
+    hint: "Composite over Source, the lit element alone, its alpha, or the normals or albedo that the asset holds.",
     kind: Kind::Choice {
         default: 0,
-        options: &[("composite", "Composite"), ("element", "Element"), ("alpha", "Alpha")],
+        options: &[
+            ("composite", "Composite"),
+            ("element", "Element"),
+            ("alpha", "Alpha"),
+            ("normals", "Normals"),
+            ("albedo", "Albedo"),
+        ],
     },
 };
 

@@ -75,3 +75,16 @@ pub fn demo_lamps(count: usize) -> Vec<Vec3> {
         })
         .collect()
 }
+
+/// Lamps on a longitude x latitude grid over the hemisphere about +y, as an arc of lamps above a turntable gives them (the
+/// thesis's Light Stage: 64 x 20, 4.4.1): ring after ring from the horizon up, each elevation in the middle of one of
+/// `latitudes` equal parts of 90 degrees, longitudes from +z towards +x.
+pub fn grid_lamps(longitudes: usize, latitudes: usize) -> Vec<Vec3> {
+    let at = |i: usize| {
+        let (ring, column) = (i / longitudes, i % longitudes);
+        let (sin, cos) = (PI / 2.0 * (ring as f64 + 0.5) / latitudes as f64).sin_cos();
+        let (x, z) = (2.0 * PI * column as f64 / longitudes as f64).sin_cos();
+        Vec3::new(x * cos, sin, z * cos)
+    };
+    (0..longitudes * latitudes).map(at).collect()
+}

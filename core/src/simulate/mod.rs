@@ -37,7 +37,7 @@ mod truth;
 
 pub use camera::Camera;
 pub use classes::{Class, ClassMap, classes};
-pub use demo::demo_lamps;
+pub use demo::{demo_lamps, grid_lamps};
 pub use material::Material;
 pub use scene::{Object, Scene};
 pub use shape::Shape;

@@ -1,6 +1,6 @@
 //! What the artist set, at a time. A parameter that a host does not have counts as its default.
 
-use relume_core::relight::Look;
+use relume_core::relight::{Layer, Look};
 use relume_core::settings::lighting::{PRESETS, Preset};
 use relume_core::settings::{self, Kind, Setting};
 
@@ -16,8 +16,8 @@ pub enum Output {
     Composite,
     /// The element alone.
     Element,
-    /// Its alpha in all four channels.
-    Alpha,
+    /// A layer of the asset, which needs no light: alpha in all four channels, normals, albedo.
+    Layer(Layer),
 }
 
 /// All parameters at one time.
@@ -61,7 +61,9 @@ impl Controls {
         };
         let output = match source.choice(&settings::OUTPUT) {
             1 => Output::Element,
-            2 => Output::Alpha,
+            2 => Output::Layer(Layer::Alpha),
+            3 => Output::Layer(Layer::Normals),
+            4 => Output::Layer(Layer::Albedo),
             _ => Output::Composite,
         };
         let (asset, environment) = (source.text(&settings::ASSET), source.text(&settings::ENVIRONMENT));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use relume_core::illumination::EnvMap;
 use relume_core::image::{Image as Picture, Window};
-use relume_core::relight::{Relighter, Weights};
+use relume_core::relight::{Layer, Relighter, Weights, displayed_normals};
 
 use super::assets::{Library, Lit};
 use super::controls::{Controls, Output};
@@ -16,7 +16,7 @@ use super::{ILLUMINATION, Instance, OUTPUT, SOURCE, input, regions};
 use crate::area::{self, Axis, Tap};
 use crate::error::{Error, Result};
 use crate::host::names::*;
-use crate::host::{Call, Effect, Image, Layout, Properties, Rect, Reply};
+use crate::host::{Call, Depth, Effect, Image, Layout, Properties, Rect, Reply};
 use crate::pixels;
 use crate::pool::Pool;
 
@@ -52,7 +52,7 @@ fn picture(library: &Library, instance: &Instance, call: &Call<'_>) -> Result<()
     let controls = Controls::read(effect, request.time);
     let field = library.field(instance, &controls.asset)?;
     let weights = match controls.output {
-        Output::Alpha => None,
+        Output::Layer(_) => None,
         _ => {
             let light = light(library, instance, effect, &controls, request.time)?;
             Some(library.weights(&field, &light, &controls.look)?)
@@ -189,7 +189,7 @@ impl Drop for Canvas<'_> {
 /// The lit object, placed.
 struct Element {
     field: Arc<Relighter>,
-    /// `None` when only alpha is shown, which needs no light.
+    /// `None` when a layer is shown, which needs no light.
     weights: Option<Arc<Weights>>,
     controls: Controls,
     axes: (Axis, Axis),
@@ -230,6 +230,11 @@ impl Element {
         } else {
             area::resample(&self.pixels(window)?, window, columns, rows)
         };
+        if self.controls.output == Output::Layer(Layer::Normals) && layout.depth == Depth::Byte {
+            let mut shown = Picture::from_data(columns.len(), rows.len(), 4, rgba)?;
+            displayed_normals(&mut shown);
+            rgba = shown.data().to_vec();
+        }
         if let Some(under) = under {
             rgba.par_chunks_exact_mut(4).zip(under.par_chunks_exact(4)).for_each(|(e, s)| over(e, s));
         }
@@ -241,19 +246,12 @@ impl Element {
         Ok(stored)
     }
 
-    /// A window of the full-size element, RGBA, rows downwards.
+    /// A window of the full-size element or layer, RGBA, rows downwards.
     fn pixels(&self, window: Window) -> Result<Picture> {
-        match &self.weights {
-            Some(weights) => Ok(self.field.render(weights, &self.controls.look, window)?),
-            None => {
-                let asset = self.field.asset();
-                let (alpha, width) = (asset.alpha(), asset.width());
-                let at = |x: usize, y: usize| alpha.map_or(1.0, |alpha| alpha[y * width + x]);
-                let data = (window.y0..window.y1)
-                    .flat_map(|y| (window.x0..window.x1).flat_map(move |x| [at(x, y); 4]))
-                    .collect();
-                Ok(Picture::from_data(window.width(), window.height(), 4, data)?)
-            }
+        match (&self.weights, self.controls.output) {
+            (_, Output::Layer(layer)) => Ok(layer.picture(self.field.asset(), window)?),
+            (Some(weights), _) => Ok(self.field.render(weights, &self.controls.look, window)?),
+            (None, _) => Err(Error::host("asked for a picture without light")),
         }
     }
 }

@@ -1,0 +1,27 @@
+//! `relume calibrate`: what a rig must know before its photographs mean light.
+
+mod failed;
+mod white;
+
+use clap::Subcommand;
+
+pub(super) use white::read_correction;
+
+/// What is measured.
+#[derive(Debug, Subcommand)]
+pub enum Subject {
+    /// White balance from a patch of known reflectance, or a colour matrix from a chart of 24 patches.
+    White(white::Arguments),
+    /// Lamps that were dark, or hidden by the camera or an arm, found from the smoothness of the set.
+    Failed(failed::Arguments),
+}
+
+impl Subject {
+    /// Measures; returns what to print.
+    pub fn run(self) -> anyhow::Result<String> {
+        match self {
+            Subject::White(arguments) => arguments.run(),
+            Subject::Failed(arguments) => arguments.run(),
+        }
+    }
+}

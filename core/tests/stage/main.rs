@@ -1,0 +1,4 @@
+//! What photographs tell, tried on the virtual stage, where the truth is known.
+
+mod failed;
+mod surface;
