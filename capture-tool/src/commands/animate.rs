@@ -26,25 +26,26 @@ Examples:
 
 A script holds lights, and values that stay or have keys:
 
-  rotation = [[1, 0], [49, 360]]                # keys [frame, value]: a turn in 48 frames
-  exposure = [[1, -2, \"smooth\"], [12, 0]]       # linear (if nothing is said), smooth (eases, never overshoots), hold
+  rotation = [[1, 0], [49, 360]]            # keys [frame, value]: a turn in 48 frames
+  exposure = [[1, -2, \"smooth\"], [12, 0]]   # linear (if nothing is said), smooth, or hold
   tint = { keys = [[1, [1, 1, 1]], [48, [1, 0.8, 0.6]]], between = \"smooth\" }
 
   [[light]]
-  env = \"park.hdr\"                              # a lat-long map; paths are relative to the script
-  gain = [[20, 1], [30, 0]]                     # light adds, so this and the next cross-fade exactly
+  env = \"park.hdr\"                          # a lat-long map; paths are relative to the script
+  gain = [[20, 1], [30, 0]]                 # light adds: this and the next cross-fade exactly
 
   [[light]]
-  lighting = \"three-point\"                      # a name of `relume lightings`, or a lighting file
+  lighting = \"three-point\"                  # a name of `relume lightings`, or a lighting file
   gain = [[20, 0], [30, 1]]
-  rotation = 0                                  # a light's own value takes the place of the one above
+  rotation = 0                              # a light's own takes the place of the one above
 
-A third kind of light is a captured lamp: lamp = 17, or with keys, which hold. Above the lights stand rotation, pitch, roll,
-exposure, tint, blur, clamp (a light can have its own), ambient, reconstruct, outside and output_space; a map also takes
-map_centre and map_space. They mean what the options of `relume relight` mean.
+Smooth keys ease and never overshoot. A third kind of light is a captured lamp: lamp = 17, or with
+keys, which hold. Above the lights stand rotation, pitch, roll, exposure, tint, blur, clamp (a light
+can have its own), ambient, reconstruct, outside and output_space; a map also takes map_centre and
+map_space. They mean what the options of `relume relight` mean; blur and clamp are for maps alone.
 
-Frames that are there already, whole and of the right size, are left; so a stopped or split run goes on where it was. Change a
-script, and --overwrite renders its frames again.";
+Frames that are there already, whole and of the right size, are left; so a stopped or split run goes
+on where it was. Change a script, and --overwrite renders its frames again.";
 
 /// Frames that share a pass over the field: the arithmetic of more is no cheaper.
 const TOGETHER: usize = 16;
@@ -113,6 +114,9 @@ impl Plan {
         let all = self.frames.numbers();
         let missing: Vec<i64> =
             all.iter().copied().filter(|&f| self.overwrite || !is_whole(&self.output.path(f), size)).collect();
+        if missing.is_empty() {
+            return Ok(self.report(0));
+        }
         let mut lights = Lights::load(&self.script, &relighter)?;
         if let Some(ambient) = all.iter().map(|&f| self.script.look(f as f64).ambient).find(|a| *a != 0.0)
             && relighter.asset().ambient().is_none()

@@ -23,9 +23,10 @@ A lighting file is a list of lamps:
   kelvin = 5600        # or rgb = [1, 0.5, 0.2], linear Rec.709; white if neither
   stops = 0            # 0: a white diffuser facing the lamp becomes 1, whatever the lamp's size
 
-A disc has a `radius`, a ring `inner` and `outer`, all in degrees; a softbox can have a `turn` in its plane. A dome has no
-azimuth and elevation but `horizon_kelvin` or `horizon_rgb`, `horizon_stops` (horizon against zenith) and `ground` (albedo of the
-ground); its stops count from one that gives a white diffuser facing the zenith the value 1.";
+A disc has a `radius`, a ring `inner` and `outer`, all in degrees; a softbox can have a `turn` in
+its plane. A dome has no azimuth and elevation but `horizon_kelvin` or `horizon_rgb`, `horizon_stops`
+(horizon against zenith) and `ground` (albedo of the ground); its stops count from one that gives a
+white diffuser facing the zenith the value 1.";
 
 /// Raw flags.
 #[derive(Debug, Args)]

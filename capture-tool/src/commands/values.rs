@@ -145,7 +145,13 @@ fn finite(text: &str) -> Result<f64, String> {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err("not a finite number".to_owned()),
         Err(_) if text.contains(',') => Err("not a number; write a decimal dot, as in 0.5".to_owned()),
-        Err(_) => Err("not a number".to_owned()),
+        Err(_) => {
+            let unit = text.trim_start_matches(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+            match f64::from_str(&text[..text.len() - unit.len()]) {
+                Ok(number) => Err(format!("not a number; write it without a unit, as in {number}")),
+                Err(_) => Err("not a number".to_owned()),
+            }
+        }
     }
 }
 
@@ -163,6 +169,8 @@ mod tests {
             assert!(parse(bad).is_err(), "{bad}");
         }
         assert_eq!(number(&settings::ROTATION)("-90"), Ok(-90.0));
+        let said = number(&settings::ROTATION)("-45deg").unwrap_err();
+        assert!(said.contains("without a unit, as in -45"), "{said}");
     }
 
     #[test]

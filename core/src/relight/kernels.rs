@@ -368,6 +368,22 @@ mod tests {
         }
     }
 
+    /// A frame must have the same bytes alone and among others: the same roundings in the same order.
+    #[test]
+    fn company_changes_no_bit() {
+        let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(2);
+        let weights: Vec<f32> = (0..131).map(|_| rng.random_range(-1.0..1.0)).collect();
+        let halves: Vec<f16> = (0..131 * BLOCK_PIXELS).map(|_| f16::from_f32(rng.random_range(-4.0..4.0))).collect();
+        let others = vec![0.5; 131];
+        for isa in Isa::available() {
+            let (alone, mut floats) = (block_sums(isa, Block::Half(&halves), &weights), Vec::new());
+            expand(isa, Block::Half(&halves), &mut floats);
+            assert_eq!(block_sums(isa, Block::Float(&floats), &weights), alone, "{isa:?}");
+            let together = block_sums_together(isa, &floats, [&others, &others, &weights, &others]);
+            assert_eq!(together[2], alone, "{isa:?}");
+        }
+    }
+
     #[test]
     fn every_half_expands_exactly() {
         let halves: Vec<f16> = (0..=u16::MAX).map(f16::from_bits).collect();

@@ -82,7 +82,7 @@ impl<const N: usize> Curve<N> {
         }
     }
 
-    /// Slope at key `n` of the monotone cubic of Fritsch and Butland (1984, eq. 5): the weighted harmonic mean of the
+    /// Slope at key `n` of the monotone cubic of Fritsch and Butland (1984): the weighted harmonic mean of the
     /// slopes on both sides where they agree in sign, else zero, and zero where a side is missing or not smooth. Then no
     /// slope exceeds three times a neighbouring chord's, which is enough for monotone pieces (Fritsch and Carlson 1980).
     fn slope(&self, n: usize, c: usize) -> f64 {

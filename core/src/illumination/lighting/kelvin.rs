@@ -1,18 +1,18 @@
 //! Colour temperature -> linear Rec.709.
 //!
 //! Below 4000 K the light of a black body (Planck's law, integrated with the CIE 1931 observer), above 5000 K daylight of
-//! that temperature (CIE 015:2018, 4.1.2), between them a blend that is linear in 1 / T. So 6504 K is D65, the white of the
+//! that temperature (CIE 15:2004, section 3.1), between them a blend that is linear in 1 / T. So 6504 K is D65, the white of the
 //! pictures, and lamps below are as warm as tungsten.
 
 /// Temperatures that [`rgb`] takes, in kelvin. The CIE states its daylight formula to 25000 K; it stays smooth beyond.
 pub const RANGE: (f64, f64) = (1000.0, 40_000.0);
 
-/// The second radiation constant, m K, of the International Temperature Scale of 1990 (CIE 015:2018).
+/// The second radiation constant, m K, of the International Temperature Scale of 1990.
 const C2: f64 = 1.4388e-2;
 /// A black body below, daylight above.
 const BLEND: (f64, f64) = (4000.0, 5000.0);
 
-/// CIE 1931 standard observer, x-bar y-bar z-bar every 10 nm from 380 to 780 nm (CIE 015:2018, table 6).
+/// CIE 1931 standard observer, x-bar y-bar z-bar every 10 nm from 380 to 780 nm (CIE 15:2004, table T.4).
 const OBSERVER: [[f64; 3]; 41] = [
     [0.001368, 0.000039, 0.006450],
     [0.004243, 0.000120, 0.020050],
@@ -95,7 +95,7 @@ fn black_body(t: f64) -> [f64; 2] {
     [xyz[0] / sum, xyz[1] / sum]
 }
 
-/// CIE 015:2018, eq. 4.1 to 4.3.
+/// The daylight locus (CIE 15:2004, section 3.1).
 fn daylight(t: f64) -> [f64; 2] {
     let x = if t <= 7000.0 {
         -4.6070e9 / t.powi(3) + 2.9678e6 / t.powi(2) + 0.09911e3 / t + 0.244063
@@ -111,8 +111,8 @@ mod tests {
 
     #[test]
     fn black_bodies_and_daylight_have_their_published_chromaticities() {
-        // CIE illuminant A is a black body of 2855.5 K with this c2 (CIE 015); the locus, Wyszecki and Stiles 1982,
-        // table 1(3.11), is for c2 = 1.4388e-2; D50, D55, D65 and D75 at 1.4388 / 1.4380 of their names, CIE 015.
+        // CIE illuminant A is a black body of 2855.5 K with this c2 (CIE 15:2004); black bodies as Wyszecki and Stiles
+        // (1982) tabulate them; D50, D55, D65 and D75 at 1.4388 / 1.4380 of their names (CIE 15:2004, table T.3).
         let ratio = 1.4388 / 1.4380;
         for (kelvin, x, y) in [
             (2855.5, 0.44758, 0.40745),
