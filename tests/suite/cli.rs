@@ -81,7 +81,7 @@ pub(crate) fn succeed(command: &mut Command) -> String {
 }
 
 /// Runs what must be refused with exit code 1 and one sentence, which must hold all `words`; returns it.
-fn refuse(command: &mut Command, words: &[&str]) -> String {
+pub(crate) fn refuse(command: &mut Command, words: &[&str]) -> String {
     let output = run(command);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");

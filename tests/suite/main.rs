@@ -5,4 +5,5 @@ mod cli_sets;
 mod host_self;
 mod photographs;
 mod plugin;
+mod probe;
 mod relight_effect;

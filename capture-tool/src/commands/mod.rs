@@ -4,6 +4,7 @@ mod compare;
 mod demo;
 mod import;
 mod info;
+mod probe;
 mod relight;
 mod values;
 mod verify;
@@ -18,6 +19,8 @@ pub enum Command {
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
+    /// Turn a picture of the surroundings (mirror ball, fisheye, cube, lat-long) into another projection.
+    Probe(probe::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
     /// Tell what a .rfield file holds.
@@ -37,6 +40,7 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
+            Command::Probe(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),

@@ -4,6 +4,7 @@
 use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use relume_core::illumination::probe::Circle;
 use relume_core::settings::{Kind, Setting};
 
 /// A parser for a number of the table.
@@ -56,7 +57,22 @@ pub fn positive(text: &str) -> Result<f32, String> {
     if value.is_normal() && value > 0.0 { Ok(value) } else { Err("not a positive number".to_owned()) }
 }
 
-fn finite(text: &str) -> Result<f64, String> {
+/// `N` finite numbers with commas between them.
+pub fn list<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let parts = text.split(',').map(|part| finite(part.trim())).collect::<Result<Vec<f64>, String>>();
+    let parts = parts.map_err(|why| format!("{why} (write {N} numbers with commas between them)"))?;
+    let count = parts.len();
+    parts.try_into().map_err(|_| format!("{count} numbers where {N} are expected, with commas between them"))
+}
+
+/// A circle `X,Y,R` in pixels.
+pub fn circle(text: &str) -> Result<Circle, String> {
+    let [x, y, radius] = list(text).map_err(|why| format!("{why}: X,Y,R in pixels"))?;
+    if radius > 0.0 { Ok(Circle { x, y, radius }) } else { Err("the radius is not positive".to_owned()) }
+}
+
+/// A finite number.
+pub fn finite(text: &str) -> Result<f64, String> {
     match f64::from_str(text) {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err("not a finite number".to_owned()),
@@ -93,6 +109,15 @@ mod tests {
                 Kind::Integer { .. } | Kind::File => {}
             }
         }
+    }
+
+    #[test]
+    fn lists_have_their_length() {
+        assert_eq!(list::<3>("1, -2.5,3"), Ok([1.0, -2.5, 3.0]));
+        for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan"] {
+            assert!(list::<3>(bad).is_err(), "{bad}");
+        }
+        assert!(circle("5,5,0").is_err());
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! name says `_deg`.
 
 pub mod latlong;
+pub mod projection;
 
 /// A vector or point in the stage frame.
 pub type Vec3 = nalgebra::Vector3<f64>;
