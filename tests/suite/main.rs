@@ -3,6 +3,7 @@
 mod cli;
 mod cli_sets;
 mod host_self;
+mod lamps;
 mod photographs;
 mod plugin;
 mod probe;

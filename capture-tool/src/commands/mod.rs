@@ -1,5 +1,7 @@
 //! The commands, one a file: raw flags (clap) -> a checked plan -> the work -> a report.
 
+mod calibrate;
+mod calibrate_lamps;
 mod compare;
 mod demo;
 mod import;
@@ -21,6 +23,9 @@ pub enum Command {
     Import(import::Source),
     /// Turn a picture of the surroundings (mirror ball, fisheye, cube, lat-long) into another projection.
     Probe(probe::Arguments),
+    /// Find out what a rig must know: lamps.
+    #[command(subcommand)]
+    Calibrate(calibrate::Target),
     /// Light a captured object anew.
     Relight(relight::Arguments),
     /// Tell what a .rfield file holds.
@@ -40,6 +45,7 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
+            Command::Calibrate(target) => target.run(),
             Command::Probe(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),

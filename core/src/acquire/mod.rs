@@ -3,10 +3,13 @@
 //! | part | what it holds |
 //! |---|---|
 //! | `photographs` | pictures of `T`, one a lamp, turned into the container's blocks in bounded memory |
+//! | `measured` | irradiances of lamps one by one, and flat fields of near lamps |
 //! | `import_lp` | a folder of one-light-at-a-time photographs with its `.lp` file -> a container |
 
 mod import_lp;
+mod measured;
 mod photographs;
 
 pub use import_lp::{Checked, ImportLp, Imported};
+pub use measured::{FlatField, Measured};
 pub use photographs::Photographs;
