@@ -6,7 +6,7 @@ use std::f32::consts::PI;
 use std::path::{Path, PathBuf};
 
 use relume_core::Result;
-use relume_core::acquire::ImportLp;
+use relume_core::acquire::{ImportLp, Measured};
 use relume_core::domain::lp::Lengths;
 use relume_core::field::{Access, Asset, Precision};
 use relume_core::illumination::EnvMap;
@@ -26,6 +26,7 @@ fn main() -> Result<()> {
         black: None,
         alpha: None,
         irradiance: PI,
+        measured: Measured::default(),
         precision: Precision::Half,
         lengths: Lengths::Unit,
         exclude: Vec::new(),

@@ -4,7 +4,7 @@
 //! session.toml          rig, sampler, encoding, tool version
 //! journal.jsonl         one line a photograph: number, file, lamp direction, bytes, BLAKE3
 //! photos/NNNNNN/        photograph N, counted from 1, under its own name
-//! calibration/          the .lp file, the black photograph and the coverage, where there are any
+//! calibration/          the .lp file; the black photograph, the coverage, the lamps' table and flat fields, where there are any
 //! ```
 //!
 //! An import writes the folder beside its place and renames it at the end: it appears whole or not at all.
@@ -60,6 +60,10 @@ struct Calibration {
     lp: Option<Copied>,
     black: Option<Copied>,
     alpha: Option<Copied>,
+    lamps: Option<Copied>,
+    /// One photograph of a flat white card a lamp.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    flat_field: Vec<Copied>,
 }
 
 /// A file that was copied into the session.
@@ -94,10 +98,17 @@ pub fn stage(
     let folder = NewFolder::begin(target)?;
     let root = folder.path();
     let copy = |from: &Path| copy_into(root, "calibration", from);
+    let cards = import.measured.cards(&checked.lp.photographs);
     let calibration = Calibration {
         lp: Some(copy(&import.lp)?),
         black: import.black.as_deref().map(copy).transpose()?,
         alpha: import.alpha.as_deref().map(copy).transpose()?,
+        lamps: import.measured.lamps.as_deref().map(copy).transpose()?,
+        flat_field: cards
+            .iter()
+            .flatten()
+            .map(|card| copy_into(root, "calibration/flat-field", card))
+            .collect::<Result<_>>()?,
     };
     write_journal(root, checked, progress)?;
     let session = Session {
@@ -168,6 +179,7 @@ fn copy_and_hash(from: &Path, to: &Path) -> Result<(u64, String)> {
 
 #[cfg(test)]
 mod tests {
+    use relume_core::acquire::Measured;
     use relume_core::domain::lp;
     use relume_core::field::Precision;
     use relume_core::image::{ColourSpace, Encoding};
@@ -185,6 +197,7 @@ mod tests {
             black: None,
             alpha: None,
             irradiance: 2.0,
+            measured: Measured::default(),
             precision: Precision::Half,
             lengths: lp::Lengths::Unit,
             exclude: Vec::new(),

@@ -92,7 +92,8 @@ fn a_bracket_gives_its_light_back() {
     // Recovered, saved, and read back: the same picture up to the digits of the file.
     let (camera, names) = (bracket.path("camera.txt"), bracket.path("times.txt"));
     let camera = camera.to_str().unwrap();
-    let lines: Vec<String> = TIMES.split(',').enumerate().map(|(n, t)| format!("photo {n}.png {t}")).rev().collect();
+    let mut lines: Vec<String> = TIMES.split(',').enumerate().map(|(n, t)| format!("photo {n}.png {t}")).collect();
+    lines.reverse();
     fs::write(&names, lines.join("\n")).unwrap();
     let names = names.to_str().unwrap();
     let recovered = bracket.merge("d.exr", &["--times", names, "--recover-response", "--save-response", camera]);
@@ -178,7 +179,7 @@ fn bad_brackets_get_a_sentence_and_leave_nothing() {
     let bracket = Bracket::new([[0; 2]; 5]);
     let out = bracket.path("out");
     fs::create_dir(&out).unwrap();
-    let mut check = |images: &[&str], options: &[&str], words: &[&str]| {
+    let check = |images: &[&str], options: &[&str], words: &[&str]| {
         let images = images.iter().map(|name| bracket.path(name));
         refuse(tool(&["hdr"]).args(images).arg("-o").arg(out.join("a.exr")).args(options), words);
     };

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use relume_core::acquire::ImportLp;
+use relume_core::acquire::{FlatField, ImportLp, Measured};
 use relume_core::calibrate::Correction;
 use relume_core::domain::{Directions, lp};
 use relume_core::field::{Access, Asset, Precision};
@@ -21,6 +21,8 @@ Examples:
   relume import lp photographs/dirs.lp -o vase.rfield
   relume import lp photographs/dirs.lp -o vase.rfield --encoding linear --black black.tif --irradiance 2.7
   relume import lp photographs/dirs.lp -o vase.rfield --exclude 37,52 --white-balance 1.9,1,1.6 --normals
+  relume import lp photographs/lights.lp -o vase.rfield --lamps photographs/lights.lamps.tsv
+  relume import lp near/lights.lp -o coin.rfield --lamps near/lights.lamps.tsv --flat-field places --metres-per-pixel 2e-5
   relume import lp photographs/dirs.lp --session vase-session";
 
 /// Kinds of import.
@@ -55,6 +57,20 @@ pub struct LpArguments {
     /// Irradiance of every lamp on a patch facing it [default: pi, so that a white diffuser facing the lamp is 1].
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = values::positive)]
     irradiance: Option<f32>,
+    /// Irradiance (and place, of near lamps) of each lamp: the table that `relume calibrate lamps` writes.
+    #[arg(long, value_name = "TABLE.tsv", conflicts_with = "irradiance")]
+    lamps: Option<PathBuf>,
+    /// Even out near lamps: a folder with a photograph of a flat white card under every lamp, each named as the object's, or
+    /// `places`: by the lamps' places in the table, on a plane through the object that faces the camera.
+    #[arg(long, value_name = "DIR|places")]
+    flat_field: Option<PathBuf>,
+    /// Size of a pixel on the object, for `--flat-field places`.
+    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = values::positive)]
+    metres_per_pixel: Option<f32>,
+    /// The pixel that shows the object's middle, where irradiances hold [default: the middle of the picture].
+    #[arg(long, value_name = "X,Y", allow_negative_numbers = true, requires = "flat_field",
+          value_parser = values::list::<2>)]
+    origin: Option<[f64; 2]>,
     /// A picture of the object's coverage: white object, black surroundings, taken as stored.
     #[arg(long, value_name = "IMG")]
     alpha: Option<PathBuf>,
@@ -84,10 +100,24 @@ struct TargetArguments {
     session: Option<PathBuf>,
 }
 
+/// How integer files are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum EncodingChoice {
+pub enum EncodingChoice {
+    /// By the sRGB curve.
     Srgb,
+    /// In proportion to light.
     Linear,
+}
+
+impl EncodingChoice {
+    /// The encoding of a flag that may be absent.
+    pub fn of(flag: Option<Self>) -> Encoding {
+        match flag {
+            None => Encoding::Auto,
+            Some(Self::Srgb) => Encoding::Srgb,
+            Some(Self::Linear) => Encoding::Linear,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -123,17 +153,15 @@ impl LpArguments {
         if let Some(folder) = &self.target.session {
             new_folder::check(folder)?;
         }
+        let measured = self.measured()?;
         let import = ImportLp {
             lp: self.lp,
-            encoding: match self.encoding {
-                None => Encoding::Auto,
-                Some(EncodingChoice::Srgb) => Encoding::Srgb,
-                Some(EncodingChoice::Linear) => Encoding::Linear,
-            },
+            encoding: EncodingChoice::of(self.encoding),
             colour_space: self.colour_space,
             black: self.black,
             alpha: self.alpha,
             irradiance: self.irradiance.unwrap_or(PI),
+            measured,
             precision: match self.precision {
                 PrecisionChoice::Half => Precision::Half,
                 PrecisionChoice::Float => Precision::Float,
@@ -143,6 +171,20 @@ impl LpArguments {
             correction: self.white_balance.as_deref().map(white_balance).transpose()?,
         };
         Ok(Plan { import, output: self.target.output, session: self.target.session, normals: self.normals })
+    }
+
+    fn measured(&self) -> anyhow::Result<Measured> {
+        let by_places = self.flat_field.as_deref().is_some_and(|path| path == Path::new("places"));
+        anyhow::ensure!(
+            by_places == self.metres_per_pixel.is_some() && (!by_places || self.lamps.is_some()),
+            "--flat-field places, --metres-per-pixel and --lamps belong together"
+        );
+        let flat_field = match (&self.flat_field, self.metres_per_pixel) {
+            (None, _) => FlatField::None,
+            (Some(_), Some(metres)) => FlatField::Places { metres_per_pixel: f64::from(metres) },
+            (Some(folder), None) => FlatField::Cards(folder.clone()),
+        };
+        Ok(Measured { lamps: self.lamps.clone(), flat_field, origin_px: self.origin })
     }
 }
 
@@ -266,9 +308,20 @@ mod tests {
             "lp a.lp -o a.rfield --precision double",
             "lp a.lp -o a.rfield --encoding gamma",
             "lp a.lp -o a.rfield --colour-space rec709",
+            "lp a.lp -o a.rfield --lamps l.tsv --irradiance 2",
+            "lp a.lp -o a.rfield --origin 1,2",
+            "lp a.lp -o a.rfield --flat-field cards --origin left",
         ] {
             assert!(parse(line).is_err(), "{line}");
         }
         assert!(parse("lp a.lp --session s").is_ok());
+        for line in [
+            "--flat-field places",
+            "--flat-field places --metres-per-pixel 1e-4",
+            "--lamps l.tsv --metres-per-pixel 1e-4",
+        ] {
+            let message = parse(&format!("lp a.lp -o a.rfield {line}")).unwrap().plan().unwrap_err().to_string();
+            assert!(message.contains("belong together"), "{line}: {message}");
+        }
     }
 }

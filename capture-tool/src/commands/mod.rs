@@ -13,6 +13,7 @@ mod layer;
 mod light_flags;
 mod lightings;
 mod map;
+mod probe;
 mod relight;
 mod surface;
 mod values;
@@ -30,6 +31,8 @@ pub enum Command {
     Import(import::Source),
     /// Merge photographs of different exposures into one picture of linear light.
     Hdr(hdr::Arguments),
+    /// Turn a picture of the surroundings (mirror ball, fisheye, cube, lat-long) into another projection.
+    Probe(probe::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
     /// Light a captured object with lights that turn, fade and change: a picture a frame.
@@ -42,7 +45,7 @@ pub enum Command {
     Surface(surface::Arguments),
     /// Draw the reflectance functions of some pixels, as sampled and as reconstructed.
     Inspect(inspect::Arguments),
-    /// Measure what a rig must know: white, lamps that failed.
+    /// Measure what a rig must know: where lamps stand, white, lamps that failed.
     #[command(subcommand)]
     Calibrate(calibrate::Subject),
     /// Tell what a .rfield file holds.
@@ -66,6 +69,7 @@ impl Command {
             Command::Demo(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Hdr(arguments) => arguments.run(),
+            Command::Probe(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),
             Command::Animate(arguments) => arguments.run(),
             Command::Lightings(arguments) => arguments.run(),

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use relume_core::evaluate::{FEWEST_KEPT, Keep};
+use relume_core::illumination::probe::Circle;
 use relume_core::image::ColourSpace;
 use relume_core::settings::{Kind, Setting};
 
@@ -140,7 +141,19 @@ pub fn keep(text: &str) -> Result<Keep, String> {
     }
 }
 
-fn finite(text: &str) -> Result<f64, String> {
+/// `N` finite numbers with commas between them.
+pub fn list<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    listed(text, finite)
+}
+
+/// A circle `X,Y,R` in pixels.
+pub fn circle(text: &str) -> Result<Circle, String> {
+    let [x, y, radius] = list(text).map_err(|why| format!("{why}: X,Y,R in pixels"))?;
+    if radius > 0.0 { Ok(Circle { x, y, radius }) } else { Err("the radius is not positive".to_owned()) }
+}
+
+/// A finite number.
+pub fn finite(text: &str) -> Result<f64, String> {
     match f64::from_str(text) {
         Ok(value) if value.is_finite() => Ok(value),
         Ok(_) => Err("not a finite number".to_owned()),
@@ -207,6 +220,15 @@ mod tests {
         assert_eq!(colour_space("acescg"), Ok(ColourSpace::AcesCg));
         let message = colour_space("acescgg").unwrap_err();
         assert!(message.contains("`acescg` is near") && message.contains("lin_p3d65"), "{message}");
+    }
+
+    #[test]
+    fn lists_have_their_length() {
+        assert_eq!(list::<3>("1, -2.5,3"), Ok([1.0, -2.5, 3.0]));
+        for bad in ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan"] {
+            assert!(list::<3>(bad).is_err(), "{bad}");
+        }
+        assert!(circle("5,5,0").is_err());
     }
 
     #[test]

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Photographs;
+use super::measured::{Measured, PerLamp};
 use crate::calibrate::Correction;
 use crate::domain::{Directions, lp};
 use crate::error::{Error, Result};
@@ -30,6 +31,8 @@ pub struct ImportLp {
     pub irradiance: f32,
     /// The colours of the photographs: of their primaries, once decoded to light.
     pub colour_space: ColourSpace,
+    /// What was measured of the lamps one by one; its table goes before `irradiance`.
+    pub measured: Measured,
     /// How `T` is stored.
     pub precision: Precision,
     /// What to do with vectors that are not of unit length.
@@ -75,6 +78,7 @@ impl ImportLp {
         let mut lp = lp::read(&self.lp, self.lengths)?;
         self.leave_out(&mut lp)?;
         let (width, height) = self.check_sizes(&lp)?;
+        self.measured.check(&lp.photographs, (width, height))?;
         Ok(Checked { lp, width, height })
     }
 
@@ -87,22 +91,25 @@ impl ImportLp {
     pub fn run(&self, output: &Path, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Imported> {
         check_folder(output)?;
         let Checked { lp, width, height } = self.check()?;
+        let per_lamp = self.measured.check(&lp.photographs, (width, height))?;
+        let irradiances = per_lamp.irradiances(lp.photographs.len(), self.irradiance);
         let black = self.black.as_deref().map(|path| self.photograph(path)).transpose()?;
         let alpha = self.alpha.as_deref().map(coverage).transpose()?;
         let domain = Directions::new(lp.directions)?;
         let mut photographs = Photographs::new(width, height, folder_of(output));
         let total = (lp.photographs.len() + height.div_ceil(BLOCK_HEIGHT)) as u64;
         // As many at a time as there are threads: their order stays, memory stays bounded.
-        for group in lp.photographs.chunks(rayon::current_num_threads()) {
-            let pictures: Vec<Result<Image>> =
-                group.par_iter().map(|path| self.transport(path, black.as_ref())).collect();
+        let all: Vec<usize> = (0..lp.photographs.len()).collect();
+        for group in all.chunks(rayon::current_num_threads()) {
+            let picture = |&n: &usize| self.transport(&lp.photographs[n], n, irradiances[n], &per_lamp, black.as_ref());
+            let pictures: Vec<Result<Image>> = group.par_iter().map(picture).collect();
             for picture in pictures {
                 photographs.push(picture?)?;
             }
             progress(photographs.len() as u64, total)?;
         }
         let contents = Contents {
-            irradiance: vec![self.irradiance; domain.len()],
+            irradiance: irradiances,
             domain,
             width,
             height,
@@ -111,7 +118,7 @@ impl ImportLp {
             largest: photographs.largest(),
             ambient: black,
             alpha,
-            provenance: self.provenance(&lp.photographs),
+            provenance: self.provenance(&lp.photographs, &per_lamp),
         };
         write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;
         Ok(Imported { lamps: photographs.len(), width, height })
@@ -161,18 +168,26 @@ impl ImportLp {
         Ok(picture)
     }
 
-    /// `(photo - S) / E`.
-    fn transport(&self, path: &Path, black: Option<&Image>) -> Result<Image> {
+    /// `(photo - S) / E` of lamp `n`, evened out where it stands near.
+    fn transport(
+        &self,
+        path: &Path,
+        n: usize,
+        irradiance: f32,
+        lamps: &PerLamp,
+        black: Option<&Image>,
+    ) -> Result<Image> {
         let mut picture = self.photograph(path)?;
         if let Some(black) = black {
             picture.data_mut().iter_mut().zip(black.data()).for_each(|(t, s)| *t -= s);
         }
-        let per_irradiance = 1.0 / self.irradiance;
+        lamps.even_out(n, &mut picture, self.encoding, black)?;
+        let per_irradiance = 1.0 / irradiance;
         picture.data_mut().iter_mut().for_each(|t| *t *= per_irradiance);
         Ok(picture)
     }
 
-    fn provenance(&self, photographs: &[PathBuf]) -> serde_json::Value {
+    fn provenance(&self, photographs: &[PathBuf], per_lamp: &PerLamp) -> serde_json::Value {
         let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let mut excluded = self.exclude.clone();
         excluded.sort_unstable();
@@ -182,6 +197,7 @@ impl ImportLp {
             "lp": name(&self.lp),
             "encoding": format!("{:?}", self.encoding).to_lowercase(),
             "black": self.black.as_deref().map(name),
+            "measured": per_lamp.provenance(self.measured.lamps.as_deref()),
             "alpha": self.alpha.as_deref().map(name),
             "excluded": excluded,
             "white_balance": self.correction.map(|correction| *correction.rows()),

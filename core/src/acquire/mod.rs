@@ -3,15 +3,18 @@
 //! | part | what it holds |
 //! |---|---|
 //! | `photographs` | pictures of `T`, one a lamp, turned into the container's blocks in bounded memory |
+//! | `measured` | irradiances of lamps one by one, and flat fields of near lamps |
 //! | `import_lp` | a folder of one-light-at-a-time photographs with its `.lp` file -> a container |
 //! | `surface` | normals and albedo from the reflectance functions |
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
 mod import_lp;
+mod measured;
 mod photographs;
 mod stereo;
 mod surface;
 
 pub use import_lp::{Checked, ImportLp, Imported};
+pub use measured::{FlatField, Measured};
 pub use photographs::Photographs;
 pub use surface::{Surface, surface};

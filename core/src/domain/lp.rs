@@ -39,6 +39,13 @@ pub fn read(path: &Path, lengths: Lengths) -> Result<Lp> {
     parse(&text, path, lengths)
 }
 
+/// The text of a `.lp` file; photographs are written as they are, so they should be relative to its folder.
+pub fn text(lamps: &Lp) -> String {
+    let line = |(name, d): (&PathBuf, &Vec3)| format!("{} {:.7} {:.7} {:.7}\n", name.display(), d.x, d.y, d.z);
+    let lines: String = lamps.photographs.iter().zip(&lamps.directions).map(line).collect();
+    format!("{}\n{lines}", lamps.photographs.len())
+}
+
 /// Parses the text of a `.lp` file; `path` names it in messages and gives the folder of the photographs.
 ///
 /// # Errors
@@ -138,6 +145,15 @@ mod tests {
         let lp = parsed("\u{feff}2\r\nphoto 1.jpg 0   0 1\r\n\r\nsub\\b.jpg\t0.6\t0\t0.8\r\n").unwrap();
         assert_eq!(lp.photographs, [PathBuf::from("set/photo 1.jpg"), PathBuf::from("set/sub/b.jpg")]);
         assert!((lp.directions[1] - Vec3::new(0.6, 0.0, 0.8)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let directions = vec![Vec3::new(0.6, 0.0, 0.8), Vec3::new(-1.0 / 3.0, 2.0 / 3.0, 2.0 / 3.0)];
+        let lamps = Lp { photographs: vec!["photo 1.jpg".into(), "sub/b.jpg".into()], directions };
+        let back = parsed(&text(&lamps)).unwrap();
+        assert_eq!(back.photographs, [PathBuf::from("set/photo 1.jpg"), PathBuf::from("set/sub/b.jpg")]);
+        assert!(back.directions.iter().zip(&lamps.directions).all(|(a, b)| (a - b).norm() < 2e-7));
     }
 
     #[test]

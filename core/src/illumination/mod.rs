@@ -8,6 +8,7 @@
 //! | `env_map` | lat-long maps of radiance: sizes, integrals, clamping, colours, heading |
 //! | `turn` | turning a map about any axis |
 //! | `blur` | blurring by an angle |
+//! | [`probe`] | pictures of the surroundings in other projections, resampled and merged |
 //! | `beam` | light from one direction |
 //! | [`lighting`] | lamps that an artist sets up, as beams |
 
@@ -15,6 +16,9 @@ mod beam;
 mod blur;
 mod env_map;
 pub mod lighting;
+pub mod probe;
+#[cfg(test)]
+mod tests;
 mod turn;
 
 pub use beam::Beam;

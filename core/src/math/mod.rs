@@ -7,6 +7,7 @@
 pub mod harmonics;
 pub mod latlong;
 mod orientation;
+pub mod projection;
 
 pub use orientation::Orientation;
 

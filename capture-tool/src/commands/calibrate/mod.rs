@@ -1,6 +1,7 @@
 //! `relume calibrate`: what a rig must know before its photographs mean light.
 
 mod failed;
+mod lamps;
 mod white;
 
 use clap::Subcommand;
@@ -10,6 +11,8 @@ pub(super) use white::read_correction;
 /// What is measured.
 #[derive(Debug, Subcommand)]
 pub enum Subject {
+    /// Find where lamps stand, from highlights on a mirror or black ball, and how bright they are, from a patch.
+    Lamps(lamps::Arguments),
     /// White balance from a patch of known reflectance, or a colour matrix from a chart of 24 patches.
     White(white::Arguments),
     /// Lamps that were dark, or hidden by the camera or an arm, found from the smoothness of the set.
@@ -20,6 +23,7 @@ impl Subject {
     /// Measures; returns what to print.
     pub fn run(self) -> anyhow::Result<String> {
         match self {
+            Subject::Lamps(arguments) => arguments.run(),
             Subject::White(arguments) => arguments.run(),
             Subject::Failed(arguments) => arguments.run(),
         }
