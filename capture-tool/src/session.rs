@@ -46,6 +46,8 @@ struct Camera {
     width: usize,
     height: usize,
     encoding: String,
+    /// Id of the colours of the photographs, once decoded.
+    colour_space: &'static str,
 }
 
 #[derive(Debug, Serialize)]
@@ -119,6 +121,7 @@ pub fn stage(
             width: checked.width,
             height: checked.height,
             encoding: format!("{:?}", import.encoding).to_lowercase(),
+            colour_space: import.colour_space.id(),
         },
         sampler: Sampler { kind: "scan" },
         calibration,
