@@ -21,6 +21,9 @@ use crate::registry::{Shelf, Stamp};
 /// How many pictures' weights are kept: hosts ask for a picture tile by tile, and for a few pictures at once.
 const WEIGHTS_KEPT: usize = 8;
 
+/// A lighting that ships, by name.
+type Lamps = (&'static str, Arc<Vec<Beam>>);
+
 /// What the instances share.
 #[derive(Default)]
 pub struct Library {
@@ -28,7 +31,7 @@ pub struct Library {
     maps: Shelf<EnvMap>,
     lightings: Shelf<Vec<Beam>>,
     /// Lightings that ship, by name, as far as they were used.
-    presets: Mutex<Vec<(&'static str, Arc<Vec<Beam>>)>>,
+    presets: Mutex<Vec<Lamps>>,
     /// Latest first.
     weights: Mutex<VecDeque<Entry>>,
     /// Held while weights are computed: threads that render tiles of one picture would all compute them, and the first
