@@ -87,9 +87,13 @@ fn a_grid_is_measured_on_one_page() {
         assert!(svg.contains(words), "no {words} in the chart");
     }
     let names = files_in(&out);
-    for name in
-        ["over-time-5-3.png", "over-time-all-lamps-linear.png", "sliver-all-lamps.png", "env-1-b-spline.png", "set-1.png"]
-    {
+    for name in [
+        "over-time-5-3.png",
+        "over-time-all-lamps-linear.png",
+        "sliver-all-lamps.png",
+        "env-1-b-spline.png",
+        "set-1.png",
+    ] {
         assert!(names.contains(&name.to_owned()), "no {name} among {names:?}");
     }
     let time = read(&out.join("over-time-linear.png"), Encoding::Auto).unwrap();
