@@ -49,7 +49,7 @@ fn draw(panel: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>, report: &Re
         .x_label_area_size(24)
         .y_label_area_size(150)
         // Upside down: the first method is on top.
-        .build_cartesian_2d(0.0..reach, (0..count).into_segmented())?;
+        .build_cartesian_2d(0.0..reach, (0..count - 1).into_segmented())?;
     let label = |at: &SegmentValue<usize>| match at {
         SegmentValue::CenterOf(i) if *i < count => report.methods[count - 1 - i].label.to_owned(),
         _ => String::new(),
@@ -64,7 +64,8 @@ fn draw(panel: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>, report: &Re
         .label_style(("sans-serif", 12))
         .draw()?;
     chart.draw_series(numbers.iter().rev().enumerate().map(|(i, &(mean, _))| {
-        let corners = [(0.0, SegmentValue::Exact(i)), (mean, SegmentValue::Exact(i + 1))];
+        let end = if i + 1 < count { SegmentValue::Exact(i + 1) } else { SegmentValue::Last };
+        let corners = [(0.0, SegmentValue::Exact(i)), (mean, end)];
         let mut bar = Rectangle::new(corners, RGBColor(74, 111, 165).filled());
         bar.set_margin(4, 4, 0, 0);
         bar

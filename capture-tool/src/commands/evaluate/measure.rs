@@ -9,7 +9,7 @@ use relume_core::evaluate::relit_errors;
 use relume_core::evaluate::sliver::{Column, SLIVER_MAP, headings, sliver_weights, spread_weights};
 use relume_core::field::Asset;
 use relume_core::illumination::EnvMap;
-use relume_core::image::{Image, Window};
+use relume_core::image::{ColourSpace, Conversion, Image, Window};
 use relume_core::reconstruct::{Method, Operator, Outside, Reconstruction};
 use relume_core::relight::{Weights, apply};
 
@@ -101,7 +101,7 @@ impl Task {
             asset.path().display()
         );
 
-        let (whole, _) = build(asset.domain(), Method::ALL)?;
+        let (whole, _) = build(asset.domain(), &self.methods_of_all())?;
         let total = (thinned.methods.len() + whole.len()) as u64;
         let (mut progress, mut done) = (Progress::new("projecting lights", Unit::Steps), 0);
         let mut project = |reconstruction: &Arc<Reconstruction>, kept: Option<&[u32]>| {
@@ -119,7 +119,8 @@ impl Task {
         let over_time_of_all = whole
             .iter()
             .zip(&all)
-            .map(|(method, projected)| (method.method(), column.over_time(&projected.frames, None)))
+            .filter(|(method, _)| thinned.methods.iter().any(|chosen| chosen.method() == method.method()))
+            .map(|(method, projected)| (method.method(), self.for_display(column.over_time(&projected.frames, None))))
             .collect();
         let (lit, still) = self.lit_positions(&all[reference]);
         let relit = self.relit(&all[reference], &own, &sets, &lit)?;
@@ -135,6 +136,12 @@ impl Task {
         Ok(Lit { report, sets, traits, errors, reference, methods, over_time_of_all })
     }
 
+    /// The methods to measure and the reference, each once.
+    fn methods_of_all(&self) -> Vec<Method> {
+        let chosen: Vec<Method> = self.thinned.methods.iter().map(|method| method.method()).collect();
+        Method::ALL.iter().copied().filter(|method| *method == REFERENCE || chosen.contains(method)).collect()
+    }
+
     /// All lights by one method. Maps are averaged down to the sliver's: 0.7 degrees, below any rig's cell.
     fn project(&self, reconstruction: &Arc<Reconstruction>, kept: Option<&[u32]>) -> Projected {
         let lamps = self.asset.domain().len();
@@ -142,7 +149,9 @@ impl Task {
         let of_sliver = operator(SLIVER_MAP);
         let positions = sliver_weights(&of_sliver, &headings(POSITIONS));
         let of_map = |map: &EnvMap| {
-            let map = map.reduced(SLIVER_MAP.0);
+            // Maps are in linear Rec. 709; the field has its own colours.
+            let to_field = Conversion::between(ColourSpace::LinRec709, self.asset.colour_space());
+            let map = map.reduced(SLIVER_MAP.0).into_owned().converted(&to_field);
             let size = map.image().size();
             let rgb = if size == SLIVER_MAP { of_sliver.downsample(&map) } else { operator(size).downsample(&map) };
             let mut weights = Weights { rgb };
@@ -200,10 +209,16 @@ impl Task {
         for light in 0..=self.environments.len() {
             let lights: Vec<&Weights> = weights.iter().map(|lights| lights[light]).collect();
             let pictures = apply(self.asset.dense(), &lights, window)?;
-            stills.iter_mut().zip(pictures).for_each(|(stills, picture)| stills.push(picture));
+            stills.iter_mut().zip(pictures).for_each(|(stills, picture)| stills.push(self.for_display(picture)));
             crate::progress::check()?;
         }
         Ok(stills)
+    }
+
+    /// A picture of the field in the colours of pictures to look at.
+    fn for_display(&self, mut picture: Image) -> Image {
+        picture.convert(&Conversion::between(self.asset.colour_space(), ColourSpace::LinRec709));
+        picture
     }
 
     fn report(&self, errors: &[Vec<f32>], sets: &[PixelSet], relit: Vec<Vec<Vec<Summary>>>, lit: usize) -> Report {
