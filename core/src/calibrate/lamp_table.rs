@@ -1,11 +1,7 @@
-//! What a `.lp` file cannot hold: each lamp's irradiance and, of near lamps, its place. Text, a photograph a line,
-//! columns parted by tabs:
+//! What a `.lp` file cannot hold: each lamp's irradiance and, of near lamps, its place.
 //!
-//! ```text
-//! photograph	irradiance	x_m	y_m	z_m
-//! photo 1.jpg	3.02	0.41	0.9	1.2
-//! photo 2.jpg	2.87
-//! ```
+//! Text, a photograph a line, columns parted by tabs; the first line is `photograph`, `irradiance`, `x_m`, `y_m`, `z_m`,
+//! and the last three columns may be left out where places are not known.
 
 use std::collections::HashMap;
 use std::fmt::Write;

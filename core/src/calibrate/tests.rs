@@ -149,7 +149,6 @@ fn directions_are_within_half_a_degree_and_each_failure_is_named() {
         }
     }
     let (middle, worst) = (median(errors.clone()), errors.iter().copied().fold(0.0, f64::max));
-    println!("median {middle:.3}, worst {worst:.3} degrees of {}", errors.len());
     assert!(errors.len() == 45 && middle < 0.5 && worst < 2.0, "median {middle}, worst {worst} degrees");
 }
 
@@ -210,7 +209,6 @@ fn near_lamps_are_triangulated() {
     let errors: Vec<f64> =
         found.iter().zip(&truths).map(|(lamp, p)| (lamp.position_m.expect("a place") - p).norm() / p.norm()).collect();
     let middle = median(errors.clone());
-    println!("places within {:.1} % (median)", 100.0 * middle);
     assert!(middle < 0.05 && errors.iter().all(|e| *e < 0.2), "{errors:?}");
     // A known distance is better than three small balls; and without places the balls disagree.
     let known = judge(&seen, &Rules { distance_m: Some(0.6), ..rules(&balls, Some(stands)) });

@@ -79,7 +79,6 @@ fn a_rendered_ball_gives_its_surroundings_back() {
         let found = to_env_map(&[view], 256).unwrap();
         let reach = PI - projection.reach_rad();
         let off = error(&found, &expected, |d| in_sight(d) && angle_between(d, &-Vec3::z()) > reach + 0.25);
-        println!("camera at {distance}, {projection:?}: error {off:.4}");
         assert!(off < 0.03, "camera at {distance}, {projection:?}: error {off}");
     }
 }
@@ -104,17 +103,16 @@ fn two_views_make_the_camera_and_the_blind_spot_vanish() {
         let with_camera = EnvMap::from_fn(512, 256, |d| {
             if angle_between(d, &Vec3::z()) < cone { [0.0; 3] } else { surroundings.radiance(d) }
         });
-        photograph(&with_camera, 300.0, 320, 150.0, 0.8)
+        photograph(&with_camera, 300.0, 240, 110.0, 0.8)
     };
     let view = |(picture, circle): (Image, Circle), heading: f64| {
-        let brighter = Image::from_fn(320, 320, |x, y| std::array::from_fn(|c| picture.pixel(x, y)[c] / 0.8));
+        let brighter = Image::from_fn(240, 240, |x, y| std::array::from_fn(|c| picture.pixel(x, y)[c] / 0.8));
         View::new(brighter, ORTHOGRAPHIC, Some(circle), heading).unwrap().hiding_camera(10f64.to_radians())
     };
     let views = [view(shot(&map), 0.0), view(shot(&second), FRAC_PI_2)];
-    let expected = map.reduced(256);
-    let everywhere = error(&to_env_map(&views, 256).unwrap(), &expected, |_| true);
-    let alone = error(&to_env_map(&views[..1], 256).unwrap(), &expected, |_| true);
-    println!("two views {everywhere:.4}, one {alone:.4}");
+    let expected = map.reduced(192);
+    let everywhere = error(&to_env_map(&views, 192).unwrap(), &expected, |_| true);
+    let alone = error(&to_env_map(&views[..1], 192).unwrap(), &expected, |_| true);
     assert!(everywhere < 0.03 && alone > 0.05, "two views {everywhere}, one {alone}");
 }
 
@@ -158,25 +156,24 @@ fn maps_survive_every_projection() {
         let there = resample(std::slice::from_ref(&view), &Target { projection, width, heading_rad: 0.7 }).unwrap();
         let back = View::new(there.image, projection, None, 0.7).unwrap();
         let off = error(&to_env_map(&[back], 256).unwrap(), &map, in_sight);
-        println!("{projection:?}: error {off:.4}");
         assert!(off < 0.03, "{projection:?}: error {off}");
     }
 }
 
 #[test]
-fn a_single_bright_texel_keeps_its_energy_and_place() {
-    for sun in [(300, 40), (10, 100), (256, 128), (400, 200)] {
+fn a_single_bright_texel_keeps_its_energy() {
+    for sun in [(150, 20), (5, 50), (128, 64)] {
         let map =
-            EnvMap::new(Image::from_fn(512, 256, |i, j| if (i, j) == sun { [1e4; 3] } else { [0.0; 3] })).unwrap();
+            EnvMap::new(Image::from_fn(256, 128, |i, j| if (i, j) == sun { [1e4; 3] } else { [0.0; 3] })).unwrap();
         let view = View::new(map.image().clone(), Projection::LatLong, None, 0.0).unwrap();
         let power = |map: &EnvMap| -> f64 {
             let row = |j: usize| map.image().row(j).iter().step_by(3).map(|v| f64::from(*v)).sum::<f64>();
-            (0..256).map(|j| row(j) * latlong::texel_solid_angle(j, 512, 256)).sum()
+            (0..128).map(|j| row(j) * latlong::texel_solid_angle(j, 256, 128)).sum()
         };
         for projection in [ORTHOGRAPHIC, Projection::ANGULAR, Projection::Cube] {
-            let width = if projection == Projection::Cube { 128 } else { 512 };
+            let width = if projection == Projection::Cube { 64 } else { 256 };
             let there = resample(std::slice::from_ref(&view), &Target { projection, width, heading_rad: 0.0 }).unwrap();
-            let back = to_env_map(&[View::new(there.image, projection, None, 0.0).unwrap()], 512).unwrap();
+            let back = to_env_map(&[View::new(there.image, projection, None, 0.0).unwrap()], 256).unwrap();
             let ratio = power(&back) / power(&map);
             // A tent one pixel wide sampled at 1/3 of it errs by 2 sinc^2(3.5) = 1.7 % at worst, on each axis.
             assert!((ratio - 1.0).abs() < 0.034, "{projection:?}, sun at {sun:?}: {ratio} of its power");

@@ -274,14 +274,14 @@ mod tests {
     #[test]
     fn the_density_sums_to_the_solid_angle_shown() {
         for projection in all() {
-            let n = 600;
+            let n = 300;
             let sum: f64 = (0..n * n)
                 .map(|k| projection.density(((k % n) as f64 + 0.5) / n as f64, ((k / n) as f64 + 0.5) / n as f64))
                 .sum();
             let expected = 2.0 * PI * (1.0 - projection.reach_rad().cos());
             let found = sum / (n * n) as f64;
             // The rim of the far camera's ball holds a cusp; the sum of a disc by squares errs by 1 / n.
-            assert!((found / expected - 1.0).abs() < 4e-3, "{projection:?}: {found} is not {expected}");
+            assert!((found / expected - 1.0).abs() < 6e-3, "{projection:?}: {found} is not {expected}");
         }
     }
 
