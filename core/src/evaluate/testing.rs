@@ -29,9 +29,14 @@ impl Field {
     }
 }
 
+/// The view of the car.
+pub fn camera((width, height): (usize, usize)) -> Camera {
+    Camera { width, height, distance: 6.5, view_rad: 15f32.to_radians() }
+}
+
 /// Photographs a scene.
 pub fn photograph(scene: &Scene, lamps: Vec<Vec3>, quality: Quality, (width, height): (usize, usize)) -> Field {
-    let camera = Camera { width, height, distance: 6.5, view_rad: 15f32.to_radians() };
+    let camera = camera((width, height));
     let lamps = Directions::new(lamps).unwrap();
     let stage = Stage::new(scene, camera, &lamps, quality);
     let classes = classes(scene, &camera);

@@ -1,6 +1,6 @@
-use super::super::testing::{SIZE, car, photograph, quality, toy_car};
+use super::super::testing::{SIZE, camera, car, photograph, quality, toy_car};
 use super::*;
-use crate::simulate::{Class, Quality, Scene, grid_lamps};
+use crate::simulate::{Class, Material, Quality, Scene, classes, grid_lamps};
 
 fn pixels<'a>(sets: &'a [PixelSet], name: &str) -> &'a [u32] {
     &sets.iter().find(|set| set.name == name).unwrap_or_else(|| panic!("no set {name}")).pixels
@@ -74,13 +74,13 @@ fn found_sets_agree_with_the_scene() {
         let facing = || lamps().filter(|(_, b)| *b > 0.3 * peak);
         facing().filter(|(a, b)| *a < 0.5 * b).count() as f64 / facing().count() as f64
     };
-    let same = |i: &u32| {
-        // Pixels of the ground: with the car never much brighter, and diffuse.
-        let sum = |numbers: &[Vec<f32>]| numbers[1280..2560].iter().map(|plane| plane[*i as usize]).sum::<f32>();
-        class(i) == Class::Diffuse && sum(&without) > 0.0 && sum(&with) * scale < 1.1 * sum(&without)
-    };
+    // Pixels that show nothing but ground: those of a mirror in its place.
+    let mut marked = toy_car();
+    marked.objects[0].material = Material::Mirror { reflectance: [1.0; 3] };
+    let marked = classes(&marked, &camera(SIZE));
+    let on_ground = |i: &u32| marked.class[*i as usize] == Class::Mirror;
     let part = |pixels: &[u32], holds: &dyn Fn(f64) -> bool| {
-        let ground: Vec<u32> = pixels.iter().copied().filter(same).collect();
+        let ground: Vec<u32> = pixels.iter().copied().filter(on_ground).collect();
         ground.iter().filter(|i| holds(shaded(**i))).count() as f64 / ground.len() as f64
     };
     let (in_shadow, in_light) =
