@@ -252,16 +252,16 @@ impl Estimator {
     /// dark, as in shadow.
     fn judge(&self, t: &[f32], m: &Vector3<f32>, cut: f32) -> Option<()> {
         let (mut lit, mut agree, mut inliers, mut contradictions) = (0.0f32, 0.0f32, 0, 0);
-        for j in 0..self.all.len() {
+        for (j, t) in t.iter().enumerate().take(self.all.len()) {
             let p = self.all.cosine(j, m);
             if p <= 0.0 {
                 continue;
             }
-            let weight = biweight(t[j] - p, cut);
+            let weight = biweight(t - p, cut);
             lit += self.all.share[j];
             agree += weight * self.all.share[j];
             inliers += usize::from(weight > INLIER_WEIGHT);
-            contradictions += usize::from(weight <= INLIER_WEIGHT && t[j] > DARK * p);
+            contradictions += usize::from(weight <= INLIER_WEIGHT && *t > DARK * p);
         }
         let enough = inliers >= 4 || (inliers == 3 && contradictions == 0);
         (enough && agree >= LEAST_SUPPORT * lit).then_some(())
