@@ -219,7 +219,6 @@ impl Plan {
     fn carry_out(&self) -> anyhow::Result<String> {
         let mut bracket = Bracket::open(&self.images)?;
         let sample_type = bracket.sample_type();
-        self.tell_what_is_odd(&bracket);
         let steps = self.images.len() as u64 * (3 + u64::from(self.align));
         let (mut progress, mut done) = (Progress::new("merging", Unit::Steps), 0);
         let mut load = |index: usize| {
@@ -255,12 +254,13 @@ impl Plan {
         if let Some(path) = &self.report {
             report.write(path)?;
         }
+        self.tell_what_is_odd(sample_type);
         report.doubts().iter().for_each(|line| note(line));
         Ok(report.text())
     }
 
-    fn tell_what_is_odd(&self, bracket: &Bracket) {
-        let eight_bits = matches!(bracket.sample_type(), SampleType::Jpeg | SampleType::U8);
+    fn tell_what_is_odd(&self, sample_type: SampleType) {
+        let eight_bits = matches!(sample_type, SampleType::Jpeg | SampleType::U8);
         if eight_bits && self.curve == CurvePlan::Encoding(EncodingChoice::Auto) {
             note(
                 "8-bit photographs are taken for sRGB, which few cameras keep to: --recover-response finds their own curve",
