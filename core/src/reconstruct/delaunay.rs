@@ -52,12 +52,13 @@ impl Delaunay {
     /// Triangulates the sites of a set.
     pub fn new(domain: &Directions) -> Self {
         let sites = domain.sites();
-        // On a sphere, project from site 0 itself and close over it below.
+        // On a sphere, project from site 0 itself and close over it below; three sites enclose nothing.
+        let whole_sphere = domain.coverage() == Coverage::Sphere && sites.len() > 3;
         let pole = match domain.coverage() {
-            Coverage::Sphere => sites[0],
+            Coverage::Sphere if whole_sphere => sites[0],
+            Coverage::Sphere => away_from(sites),
             Coverage::Cap { .. } => -domain.axis().vector(),
         };
-        let whole_sphere = domain.coverage() == Coverage::Sphere && sites.len() > 3;
         let plane = triangulate_plane(sites, &pole, usize::from(whole_sphere));
         let mut triangles: Vec<[u32; 3]> =
             plane.inner_faces().map(|face| face.vertices().map(|vertex| vertex.data().site)).collect();
@@ -76,6 +77,15 @@ impl Delaunay {
         }
         Self { triangles, neighbours, rim, triangle_at }
     }
+}
+
+/// A direction far from each of up to three sites.
+fn away_from(sites: &[Vec3]) -> Vec3 {
+    let sum: Vec3 = sites.iter().sum();
+    let other = if sites[0].x.abs() < 0.5 { Vec3::x() } else { Vec3::y() };
+    let normal = sites[0].cross(sites.get(1).unwrap_or(&other));
+    // Sites that balance lie in a plane or face each other: off that plane, or off their line, is far from all.
+    [-sum, normal, sites[0].cross(&other)].into_iter().find(|v| v.norm() > 1e-3).unwrap_or(other).normalize()
 }
 
 /// Planar Delaunay triangulation of the sites from number `first` on, projected stereographically from `pole`.

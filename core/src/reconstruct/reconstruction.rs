@@ -25,7 +25,7 @@ use crate::math::Vec3;
 /// let lamps = Arc::new(Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()])?);
 /// let linear = Reconstruction::new(lamps, Method::Linear)?;
 /// let between = linear.values(&[0.0, 2.0, 0.0], &[Vec3::new(1.0, 0.0, 1.0).normalize()]);
-/// assert!((between[0] - 1.0).abs() < 1e-6);
+/// assert!((between[0] - 1.0).abs() < 1e-6, "{between:?}");
 /// # Ok::<(), relume_core::Error>(())
 /// ```
 #[derive(Debug, Clone)]

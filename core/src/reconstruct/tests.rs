@@ -127,6 +127,27 @@ fn linear_kernels_are_continuous() {
     }
 }
 
+/// Three lamps: the first one once had no triangle.
+#[test]
+fn few_lamps_all_take_part() {
+    for lamps in [
+        vec![Vec3::z(), Vec3::x(), Vec3::y()],
+        vec![Vec3::z(), Vec3::x()],
+        vec![Vec3::z(), -Vec3::z()],
+        [0.0, 2.0, 4.0].map(|k: f64| Vec3::new((k * PI / 3.0).sin(), 0.0, (k * PI / 3.0).cos())).into(),
+    ] {
+        let set = Directions::new(lamps).unwrap();
+        let linear = reconstruction(&set, Method::Linear);
+        for (n, site) in set.sites().iter().enumerate() {
+            let next = set.sites()[(n + 1) % set.sites().len()];
+            let Some(between) = (site + next * 0.99).try_normalize(0.1) else { continue };
+            let shares = linear.at(&between);
+            let own = shares.iter().find(|share| share.0 as usize == n).map_or(0.0, |share| share.1);
+            assert!((0.4..0.6).contains(&own), "lamp {n} has {own} of what lies between it and the next: {shares:?}");
+        }
+    }
+}
+
 #[test]
 fn linear_meets_a_linear_function_on_a_fine_sphere() {
     let set = random_set(2000, 7, |_| true);

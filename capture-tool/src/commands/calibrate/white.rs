@@ -3,15 +3,16 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use relume_core::Error;
 use relume_core::calibrate::chart::{self, Point};
 use relume_core::calibrate::{Correction, patch, white};
 use relume_core::files::{check_folder, write_whole};
-use relume_core::image::{Encoding, Image, Window, read};
+use relume_core::image::{Image, Window, read};
 use serde::{Deserialize, Serialize};
 
-use super::super::{note, values};
+use crate::commands::import::EncodingChoice;
+use crate::commands::{note, values};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -34,7 +35,7 @@ pub struct Arguments {
     #[command(flatten)]
     target: Target,
     /// Reflectance of the patch; only ratios count [default: 1,1,1].
-    #[arg(long, value_name = "R,G,B", requires = "patch", allow_hyphen_values = true, value_parser = values::three_positive)]
+    #[arg(long, value_name = "R,G,B", conflicts_with = "chart", allow_hyphen_values = true, value_parser = values::three_positive)]
     reflectance: Option<[f64; 3]>,
     /// How the photograph's numbers become light [default: sRGB for 8 and 16 bits, linear for floats].
     #[arg(long, value_enum)]
@@ -56,12 +57,6 @@ struct Target {
     chart: Option<[f64; 8]>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum EncodingChoice {
-    Srgb,
-    Linear,
-}
-
 /// The file: gains or a matrix.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -76,12 +71,7 @@ impl Arguments {
     /// Measures, says, and writes.
     pub fn run(self) -> anyhow::Result<String> {
         self.output.as_deref().map(check_folder).transpose()?;
-        let encoding = match self.encoding {
-            None => Encoding::Auto,
-            Some(EncodingChoice::Srgb) => Encoding::Srgb,
-            Some(EncodingChoice::Linear) => Encoding::Linear,
-        };
-        let photograph = read(&self.photograph, encoding)?.into_rgb();
+        let photograph = read(&self.photograph, EncodingChoice::of(self.encoding))?.into_rgb();
         let place = self.photograph.display().to_string();
         let (file, mut report) = match (self.target.patch, self.target.chart) {
             (Some(at), None) => from_patch(&photograph, at, self.reflectance.unwrap_or([1.0; 3]), &place)?,
