@@ -70,8 +70,8 @@ fn a_grid_is_measured_on_one_page() {
             let numbers = [&method["errors"][set], &method["relit"][0][set], &method["relit"][1][set]];
             let means = numbers.map(|summary| summary["mean"].as_f64().unwrap());
             assert!(means.iter().all(|mean| *mean > 0.0 && *mean < 2.0), "{}: {means:?}", method["id"]);
-            // A soft sky forgives more than single lamps do.
-            assert!(means[2] < means[0], "{}: {means:?}", method["id"]);
+            // A soft sky forgives more than a sliver of light does.
+            assert!(means[2] < means[1], "{}: {means:?}", method["id"]);
         }
     }
     // The table says the same.

@@ -170,7 +170,7 @@ impl Reconstruction {
 fn no_grid(method: Method) -> Error {
     Error::Unsupported {
         place: "the lamps".to_owned(),
-        what: format!("`{}` on lamps that do not stand on rings of equal longitudes", method.id()),
+        what: format!("`{}`, which needs a grid, on lamps that do not stand on rings of equal longitudes", method.id()),
         advice: "use linear, b-spline, inverse-distance, zero-order or harmonics".to_owned(),
     }
 }
