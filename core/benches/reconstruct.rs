@@ -36,7 +36,7 @@ fn main() -> Result<()> {
         let (reconstruction, structure) = timed(|| Reconstruction::new(domain.clone(), *method));
         let reconstruction = Arc::new(reconstruction?);
         let (operator, build) = timed(|| Operator::new(reconstruction, Outside::Drop, SIZE.0, SIZE.1));
-        let bytes = operator.bytes() + map.image().data().len() * size_of::<f32>();
+        let bytes = operator.bytes() + size_of_val(map.image().data());
         let buffer = vec![1u64; bytes / size_of::<u64>()];
         // In turns, so that a machine whose speed drifts disturbs both alike.
         let (mut down, mut read) = (Vec::new(), Vec::new());

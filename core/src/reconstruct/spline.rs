@@ -7,7 +7,7 @@
 //! The splines fit deviations from the mean sample, so constants are met exactly, and where no lamp is near the function
 //! falls back to the mean.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_6};
 use std::sync::Arc;
 
 use super::basis::{Basis, Fit};
@@ -20,7 +20,7 @@ const ONE_MAP_RAD: f64 = FRAC_PI_2 + 0.2;
 /// Two maps are blended where the sine of the latitude lies within this of the equator.
 const BLEND: f64 = 0.2;
 /// With two maps, each takes the lamps down to 30 degrees below its equator: the coarse levels need more than is shown.
-const TWO_MAPS_REACH_RAD: f64 = FRAC_PI_2 + 0.5236;
+const TWO_MAPS_REACH_RAD: f64 = FRAC_PI_2 + FRAC_PI_6;
 
 /// A paraboloid map, scaled so that its reach fills the unit square.
 #[derive(Debug)]

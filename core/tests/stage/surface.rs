@@ -156,7 +156,6 @@ fn highlights_and_cast_shadows_are_rejected() {
         let asset = photograph(&Scene { objects }, &lamps, &folder.path().join("a.rfield"));
         let errors = errors(&asset);
         let (median, most) = (at(&errors.robust, 0.5), at(&errors.robust, 0.95));
-        println!("{name}: {median} {most}, plain {} {}", at(&errors.plain, 0.5), at(&errors.plain, 0.95));
         assert!(median < limits.0 && most < limits.1, "{name}: median {median}, 95 % within {most} degrees");
         assert!(at(&errors.plain, 0.5) > 1.5 * median, "{name}: plain median {}", at(&errors.plain, 0.5));
         assert!(at(&errors.plain, 0.95) > 2.5 * most, "{name}: plain 95 % {}", at(&errors.plain, 0.95));

@@ -223,12 +223,13 @@ impl Task {
 
     fn report(&self, errors: &[Vec<f32>], sets: &[PixelSet], relit: Vec<Vec<Vec<Summary>>>, lit: usize) -> Report {
         let thinned = &self.thinned;
-        let measured = |((method, errors), relit): ((&Arc<Reconstruction>, &Vec<f32>), Vec<Vec<Summary>>)| Measured {
-            id: method.method().id(),
-            label: method.method().label(),
+        let measured = |reconstruction: &Reconstruction, errors: &[f32], relit: Vec<Vec<Summary>>| Measured {
+            id: reconstruction.method().id(),
+            label: reconstruction.method().label(),
             errors: sets.iter().map(|set| Summary::over(errors, &set.pixels)).collect(),
             relit,
         };
+        let methods = thinned.methods.iter().zip(errors).zip(relit);
         let sliver = format!("a sliver of light at {lit} headings");
         Report {
             tool: concat!("relume ", env!("CARGO_PKG_VERSION")),
@@ -239,7 +240,7 @@ impl Task {
             reference: REFERENCE.id(),
             sets: sets.iter().map(|set| Set { set: set.clone(), count: set.pixels.len() }).collect(),
             lights: std::iter::once(sliver).chain(self.environments.iter().map(|(name, _)| name.clone())).collect(),
-            methods: thinned.methods.iter().zip(errors).zip(relit).map(measured).collect(),
+            methods: methods.map(|((method, errors), relit)| measured(method, errors, relit)).collect(),
             refused: thinned
                 .refused
                 .iter()
