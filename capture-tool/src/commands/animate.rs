@@ -275,18 +275,11 @@ fn soft<'m>(map: &'m EnvMap, look: &Look, kept: &'m mut Option<(f64, f64, EnvMap
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
+    use crate::commands::testing;
 
     fn parse(line: &str) -> Result<Arguments, clap::Error> {
-        Line::try_parse_from(line.split_whitespace()).map(|line| line.arguments)
+        testing::parse(line)
     }
 
     #[test]

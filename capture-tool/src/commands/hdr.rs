@@ -353,18 +353,11 @@ fn file_name(path: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
+    use crate::commands::testing;
 
     fn parse(line: &str) -> Result<Arguments, clap::Error> {
-        Line::try_parse_from(line.split_whitespace()).map(|line| line.arguments)
+        testing::parse(line)
     }
 
     #[test]

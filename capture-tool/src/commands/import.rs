@@ -261,18 +261,11 @@ fn tell_duplicates(domain: &Directions) {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: LpArguments,
-    }
+    use crate::commands::testing;
 
     fn parse(line: &str) -> Result<LpArguments, clap::Error> {
-        Line::try_parse_from(line.split_whitespace()).map(|line| line.arguments)
+        testing::parse(line)
     }
 
     #[test]

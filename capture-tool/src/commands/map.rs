@@ -91,20 +91,14 @@ impl Plan {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
     use relume_core::illumination::MapCentre;
     use relume_core::image::ColourSpace;
 
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
+    use crate::commands::testing;
 
     fn parse(line: &str) -> Result<Arguments, clap::Error> {
-        Line::try_parse_from(line.split_whitespace()).map(|line| line.arguments)
+        testing::parse(line)
     }
 
     #[test]

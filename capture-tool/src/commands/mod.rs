@@ -16,6 +16,8 @@ mod map;
 mod probe;
 mod relight;
 mod surface;
+#[cfg(test)]
+mod testing;
 mod values;
 mod verify;
 

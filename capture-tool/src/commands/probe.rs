@@ -268,18 +268,11 @@ impl Plan {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
+    use crate::commands::testing::parse;
 
     fn plan(line: &str) -> anyhow::Result<Plan> {
-        Line::try_parse_from(line.split_whitespace())?.arguments.plan()
+        parse::<Arguments>(line)?.plan()
     }
 
     #[test]

@@ -145,19 +145,12 @@ pub(in super::super) fn read_correction(path: &Path) -> anyhow::Result<Correctio
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
+    use crate::commands::testing;
 
     #[test]
     fn wrong_usage_is_refused_by_the_parser() {
-        let parse = |line: &str| Line::try_parse_from(line.split_whitespace());
+        let parse = |line: &str| testing::parse::<Arguments>(line);
         for line in [
             "white a.png",
             "white a.png --patch 1,2,3",

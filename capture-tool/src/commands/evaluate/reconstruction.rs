@@ -141,18 +141,11 @@ fn write(task: &Task, lit: &Lit, folder: &Path) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use clap::Parser;
-
     use super::*;
-
-    #[derive(Debug, Parser)]
-    struct Line {
-        #[command(flatten)]
-        arguments: Arguments,
-    }
+    use crate::commands::testing;
 
     fn parse(line: &str) -> Result<Arguments, clap::Error> {
-        Line::try_parse_from(line.split_whitespace()).map(|line| line.arguments)
+        testing::parse(line)
     }
 
     #[test]
