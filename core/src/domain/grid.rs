@@ -98,7 +98,8 @@ impl LatLongGrid {
     }
 
     /// Continuous column and row of a direction: whole numbers at the sites, rows linear in the angle from the axis between
-    /// rings. Columns lie in 0 to `longitudes`.
+    /// rings. Columns lie in 0 to `longitudes`, rows in -1/2 to `rings` - 1/2 or a pole's next row: half a row beyond an edge
+    /// is where its mirrored rows begin, and what lies farther out is given the row there.
     pub fn coordinates(&self, direction: &Vec3) -> (f64, f64) {
         let turn = (longitude(self.axis, direction) - self.first_longitude_rad).rem_euclid(TAU) / TAU;
         (turn * self.longitudes as f64, self.row(colatitude(self.axis, direction)))
@@ -114,7 +115,10 @@ impl LatLongGrid {
             n if n > last => (rings[last], self.beyond(1)),
             n => (rings[n - 1], rings[n]),
         };
-        after as f64 - 1.0 + (colatitude_rad - low) / (high - low)
+        let row = after as f64 - 1.0 + (colatitude_rad - low) / (high - low);
+        let first = if self.ends[0] == End::Edge { -0.5 } else { f64::MIN };
+        let end = if self.ends[1] == End::Edge { last as f64 + 0.5 } else { f64::MAX };
+        row.clamp(first, end)
     }
 
     /// The angle from the axis of the row beyond an end.
@@ -239,6 +243,16 @@ mod tests {
         let found = LatLongGrid::find(&Directions::new(with_pole).unwrap()).unwrap();
         assert_eq!(found.coordinates(&Vec3::y()).1, 0.0);
         assert_eq!(found.site(1, -1), found.site(5, 1));
+    }
+
+    /// A stage without lamps overhead: the hole takes the innermost ring, not rows mirrored from far out.
+    #[test]
+    fn beyond_an_edge_the_edge_goes_on() {
+        let domain = Directions::new(grid(&[0.9, 1.0, 1.1, 1.2, 1.3], 8, 0.0)).unwrap();
+        let found = LatLongGrid::find(&domain).unwrap();
+        for (direction, row) in [(Vec3::y(), -0.5), (Vec3::new(0.0, 0.95, 0.3).normalize(), -0.5), (-Vec3::y(), 4.5)] {
+            assert_eq!(found.coordinates(&direction).1, row, "{direction}");
+        }
     }
 
     #[test]

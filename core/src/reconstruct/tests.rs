@@ -255,6 +255,25 @@ fn smooth_functions_are_met_at_the_pole_the_seam_and_the_horizon() {
     }
 }
 
+/// Lamps on rings with a wide hole overhead: what fills it stays near the ring about it, whatever rings farther out hold.
+#[test]
+fn a_hole_overhead_is_filled_from_its_rim() {
+    let ring = |n: usize| {
+        let (c, l) = (0.8 + 0.1 * (n / 16) as f64, (n % 16) as f64 * PI / 8.0);
+        Vec3::new(c.sin() * l.sin(), c.cos(), c.sin() * l.cos())
+    };
+    let set = Directions::new((0..16 * 8).map(ring).collect()).unwrap();
+    // One on the innermost three rings, a hundred beyond: what reaches over the pole must not be of those.
+    let samples: Vec<f32> = (0..16 * 8).map(|n| if n < 48 { 1.0 } else { 100.0 }).collect();
+    let inside: Vec<Vec3> =
+        (0..50).map(|k| ring(k % 16) + Vec3::y() * f64::from(k as u8) * 0.1).map(|d| d.normalize()).collect();
+    for wavelet in [Wavelet::Haar, Wavelet::LeGall53, Wavelet::Daubechies97] {
+        for value in reconstruction(&set, Method::Wavelet(wavelet)).values(&samples, &inside[16..]) {
+            assert!((value - 1.0).abs() < 1e-4, "{wavelet:?}: {value}");
+        }
+    }
+}
+
 /// The two public ways to a kernel, and the operator's, are one.
 #[test]
 fn shares_values_beams_and_operators_agree() {
