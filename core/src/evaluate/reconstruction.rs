@@ -16,7 +16,7 @@ use super::blocks::{Channels, Progress, map_pixels};
 use super::subset::{Keep, Subset};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::field::{BLOCK_PIXELS, Dense};
+use crate::field::{BLOCK_PIXELS, Samples};
 use crate::reconstruct::{Method, Reconstruction};
 
 /// Above this density a plain matrix product is faster than skipping zeros (measured: about 10 times as fast a number).
@@ -128,18 +128,18 @@ impl Upsampling {
 /// # Errors
 /// A field of other lamps than `whole`; bytes that cannot be read, numbers that are not finite, what `progress` returns.
 pub fn relative_errors(
-    dense: &Dense,
+    samples: Samples<'_>,
     whole: &Directions,
     thinned: &Thinned,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<Vec<f32>>> {
-    if dense.layout().elements != whole.len() {
+    if samples.layout().elements != whole.len() {
         let found = format!("{} lamps", whole.len());
-        return Err(Error::invalid("lamps", found, format!("{}, as the field has", dense.layout().elements)));
+        return Err(Error::invalid("lamps", found, format!("{}, as the field has", samples.layout().elements)));
     }
     let upsamplings: Vec<Upsampling> = thinned.methods.iter().map(|method| Upsampling::new(method, whole)).collect();
     let work = |channels: &Channels| block_errors(channels, &thinned.subset.kept, &upsamplings, whole.len());
-    map_pixels(dense, upsamplings.len(), work, progress)
+    map_pixels(samples, upsamplings.len(), work, progress)
 }
 
 /// `e_i` of one block: `[method][8][16]`.
