@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `kernels` | block x weights -> 128 sums: the plain loop, and SIMD chosen at run time |
 //! | `apply` | the loop over blocks, on all threads |
+//! | `factored` | the same for tiles of low rank |
 //! | `look` | what a user can turn |
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
@@ -16,6 +17,7 @@
 
 mod apply;
 mod choice;
+mod factored;
 pub mod kernels;
 mod layers;
 mod look;

@@ -5,7 +5,7 @@ use super::choice::{absent, choose};
 use super::projections::Projections;
 use super::{Look, Weights, apply, prepared};
 use crate::error::{Error, Result};
-use crate::field::{Asset, Kind};
+use crate::field::{Asset, Kind, Samples};
 use crate::illumination::{Beam, EnvMap};
 use crate::image::{ColourSpace, Conversion, Image, Window};
 
@@ -153,7 +153,11 @@ impl Relighter {
                 let harmonics = self.asset.harmonics().ok_or_else(|| absent(&self.asset, kind))?;
                 apply_dense(harmonics.pictures(), weights, window)
             }
-            Kind::Factored | Kind::Wavelet => Err(absent(&self.asset, kind)),
+            Kind::Factored => {
+                let factored = self.asset.factored().ok_or_else(|| absent(&self.asset, kind))?;
+                apply(Samples::Factored(factored), weights, window)
+            }
+            Kind::Wavelet => Err(absent(&self.asset, kind)),
         }
     }
 
