@@ -20,7 +20,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 use relume_core::Result;
 use relume_core::domain::Directions;
-use relume_core::field::{Access, Asset, Bands, Block, BlockBuffer, Contents, Dense, Precision, write};
+use relume_core::field::{Access, Asset, Bands, Block, BlockBuffer, Contents, Dense, Precision, Samples, write};
 use relume_core::image::Window;
 use relume_core::math::Vec3;
 use relume_core::relight::{Weights, apply};
@@ -64,13 +64,14 @@ fn run(case: &Case) -> Result<()> {
 
 fn measure(case: &Case, path: &Path) -> Result<()> {
     let asset = Asset::open(path, Access::Mapped)?;
-    let dense = asset.dense();
+    let Some(dense) = asset.dense() else { return Ok(()) };
+    let samples = Samples::Dense(dense);
     let bytes = (dense.layout().len().unwrap_or(0) * dense.precision().bytes() as u64) as f64;
     println!("\n{}: {} lamps, {} x {}, {:.2} GB", case.name, case.elements, case.width, case.height, bytes / 1e9);
 
     let window = Window::full(case.width, case.height);
     let lights: Vec<Weights> = (0..16).map(|n| weights(case.elements, n)).collect();
-    let relight = || apply(dense, &[&lights[0]], window).map(drop);
+    let relight = || apply(samples, &[&lights[0]], window).map(drop);
     let fastest = AHEAD.map(|ahead| (seconds(|| read(dense, ahead)).min(seconds(|| read(dense, ahead))), ahead));
     let ahead = fastest.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |best| best.1);
     relight()?;
@@ -98,14 +99,14 @@ fn measure(case: &Case, path: &Path) -> Result<()> {
     );
     for n in [4, 16] {
         let several: Vec<&Weights> = lights[..n].iter().collect();
-        let each = median(|| apply(dense, &several, window).map(drop))? / n as f64;
+        let each = median(|| apply(samples, &several, window).map(drop))? / n as f64;
         println!("  {n:2} at once      {:8.2} ms a picture: {:.2} x the rate of one", each * 1e3, one / each);
     }
     Ok(())
 }
 
 fn weights(elements: usize, seed: usize) -> Weights {
-    Weights { rgb: (0..elements).map(|j| std::array::from_fn(|c| ((j * 7 + c + seed) % 11) as f32 / 11.0)).collect() }
+    Weights::of_lamps((0..elements).map(|j| std::array::from_fn(|c| ((j * 7 + c + seed) % 11) as f32 / 11.0)).collect())
 }
 
 fn median(mut body: impl FnMut() -> Result<()>) -> Result<f64> {

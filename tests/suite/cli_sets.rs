@@ -170,7 +170,7 @@ fn numpy_opens_the_arrays() {
 /// What the core reads where [`NUMPY`] looks: T of blue at pixel (20, 10), and the sum of all numbers.
 fn core_numbers(field: &Path) -> (Vec<f64>, f64) {
     let asset = Asset::open(field, Access::Read).unwrap();
-    let (dense, layout) = (asset.dense(), asset.dense().layout());
+    let (dense, layout) = (asset.dense().unwrap(), asset.dense().unwrap().layout());
     let scale = f64::from(dense.scale());
     let mut buffer = BlockBuffer::default();
     let mut numbers = |bx: usize, by: usize, c: usize| -> Vec<f64> {

@@ -8,14 +8,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use relume_core::field::{Access, Asset};
+use relume_core::field::{Access, Asset, Kind};
 use relume_core::illumination::{Beam, EnvMap};
 use relume_core::image::{self, EncodeOptions, Image, Window, probe_size};
 use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
+use relume_core::settings;
 use relume_core::settings::animation::{Script, ScriptLight, Source};
 
-use super::note;
 use super::relight::{AccessChoice, band_rows};
+use super::{note, values};
 use crate::frames::{Frames, Pattern};
 use crate::progress::{self, Progress, Unit};
 
@@ -69,6 +70,10 @@ pub struct Arguments {
     /// Render frames again that are there already.
     #[arg(long)]
     overwrite: bool,
+    #[arg(long, value_name = "FORM", help = settings::REPRESENTATION.hint,
+          value_parser = values::choice(&settings::REPRESENTATION),
+          default_value = values::neutral_option(&settings::REPRESENTATION))]
+    representation: usize,
     /// How the asset is opened: memory-mapped, or read piece by piece, for network disks.
     #[arg(long, value_enum, default_value_t = AccessChoice::Mapped)]
     access: AccessChoice,
@@ -92,6 +97,7 @@ impl Arguments {
             frames: self.frames,
             output: self.output,
             overwrite: self.overwrite,
+            representation: settings::representation(self.representation),
         })
     }
 }
@@ -105,6 +111,7 @@ struct Plan {
     frames: Frames,
     output: Pattern,
     overwrite: bool,
+    representation: Option<Kind>,
 }
 
 impl Plan {
@@ -117,7 +124,7 @@ impl Plan {
         if missing.is_empty() {
             return Ok(self.report(0));
         }
-        let mut lights = Lights::load(&self.script, &relighter)?;
+        let mut lights = Lights::load(&self.script, &relighter, self.representation)?;
         if let Some(ambient) = all.iter().map(|&f| self.script.look(f as f64).ambient).find(|a| *a != 0.0)
             && relighter.asset().ambient().is_none()
         {
@@ -171,7 +178,7 @@ fn render(
 ) -> relume_core::Result<Vec<Image>> {
     let asset = relighter.asset();
     let (width, height) = (asset.width(), asset.height());
-    let rows = band_rows(asset.dense().layout(), asset.dense().precision().bytes());
+    let rows = band_rows(asset);
     let mut data: Vec<Vec<f32>> = lit.iter().map(|_| Vec::with_capacity(width * height * 4)).collect();
     for y0 in (0..height).step_by(rows) {
         let y1 = (y0 + rows).min(height);
@@ -190,6 +197,7 @@ fn render(
 struct Lights<'a> {
     script: &'a Script,
     relighter: &'a Relighter,
+    kind: Kind,
     maps: HashMap<&'a Path, EnvMap>,
     /// For each light its map as it was last clamped and blurred.
     blurred: Vec<Option<(f64, f64, EnvMap)>>,
@@ -199,7 +207,10 @@ struct Lights<'a> {
 }
 
 impl<'a> Lights<'a> {
-    fn load(script: &'a Script, relighter: &'a Relighter) -> anyhow::Result<Self> {
+    fn load(script: &'a Script, relighter: &'a Relighter, wanted: Option<Kind>) -> anyhow::Result<Self> {
+        // One for all lights and frames: weights add up, and no frame differs from the next in how it was made.
+        let captured_lamp = script.lights.iter().any(|light| matches!(light.source, Source::Lamp(_)));
+        let kind = relighter.choose(wanted, captured_lamp)?;
         let (mut maps, mut beams) = (HashMap::new(), Vec::new());
         for light in &script.lights {
             beams.push(match &light.source {
@@ -215,28 +226,26 @@ impl<'a> Lights<'a> {
             }
         }
         let (last, blurred) = script.lights.iter().map(|_| (None, None)).unzip();
-        Ok(Self { script, relighter, maps, blurred, beams, last })
+        Ok(Self { script, relighter, kind, maps, blurred, beams, last })
     }
 
-    /// The sum over the lights of gain times weights, in f64.
+    /// The sum over the lights of gain times weights.
     fn weights(&mut self, frame: f64) -> anyhow::Result<Weights> {
-        let mut sum = vec![[0.0f64; 3]; self.relighter.asset().domain().len()];
+        let mut sum = self.relighter.dark(self.kind);
         for (n, light) in self.script.lights.iter().enumerate() {
             let gain = light.gain(frame);
             if gain == 0.0 {
                 continue;
             }
             let weights = self.light(n, light, frame).with_context(|| format!("frame {frame}"))?;
-            for (sum, rgb) in sum.iter_mut().zip(&weights.rgb) {
-                (0..3).for_each(|c| sum[c] += gain * f64::from(rgb[c]));
-            }
+            sum.add(gain, weights);
         }
-        Ok(Weights { rgb: sum.into_iter().map(|rgb| rgb.map(|v| v as f32)).collect() })
+        Ok(sum)
     }
 
     /// The weights of one light.
     fn light(&mut self, n: usize, light: &'a ScriptLight, frame: f64) -> relume_core::Result<&Weights> {
-        let look = light.look(self.script, frame);
+        let look = Look { representation: Some(self.kind), ..light.look(self.script, frame) };
         let number = match &light.source {
             Source::Lamp(numbers) => numbers.at(frame)[0] as usize,
             _ => 0,

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use relume_core::domain::{Axis, Coverage};
-use relume_core::field::{Access, Asset, Precision};
+use relume_core::field::{Access, Asset, Kind, Layout, Precision, Representation};
 use serde::Serialize;
 
 const EXAMPLES: &str = "\
@@ -53,11 +53,28 @@ pub(super) struct Info<'a> {
     median_spacing_deg: f64,
     /// Smallest and largest E_j.
     irradiance: [f32; 2],
-    precision: Precision,
-    /// All digits: exact in double precision.
-    scale: f64,
+    /// Of the samples, where they are held as photographed.
+    precision: Option<Precision>,
+    /// The same; all digits: exact in double precision.
+    scale: Option<f64>,
+    /// Bytes of the samples at the lamps as halves, to compare with.
+    half_samples_bytes: u64,
+    representations: Vec<Held>,
     layers: &'a BTreeMap<String, String>,
     provenance: &'a serde_json::Value,
+}
+
+/// A representation.
+#[derive(Debug, Serialize)]
+struct Held {
+    kind: Kind,
+    bytes: u64,
+    /// The relative error that was asked for.
+    asked: Option<f64>,
+    /// The relative error reached over the whole field; 0 for samples.
+    error: f64,
+    /// What it is, in words.
+    words: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -90,8 +107,10 @@ impl<'a> Info<'a> {
             coverage: CoverageInfo { kind, half_angle_deg, solid_angle_sr: domain.covered_solid_angle() },
             median_spacing_deg: domain.median_spacing().to_degrees(),
             irradiance: manifest.irradiance().iter().fold([f32::INFINITY, 0.0], extremes),
-            precision: asset.dense().precision(),
-            scale: f64::from(asset.dense().scale()),
+            precision: asset.dense().map(|dense| dense.precision()),
+            scale: asset.dense().map(|dense| f64::from(dense.scale())),
+            half_samples_bytes: half_samples(asset),
+            representations: manifest.representations.iter().map(|r| Held::of(asset, r)).collect(),
             layers: &manifest.layers,
             provenance: &manifest.provenance,
         }
@@ -106,7 +125,7 @@ impl<'a> Info<'a> {
             self.width,
             self.height,
             self.coverage_words(),
-            precision_word(self.precision),
+            self.representations.iter().map(|held| held.words.as_str()).collect::<Vec<_>>().join(" and "),
             megabytes(self.file_bytes)
         )
     }
@@ -133,7 +152,6 @@ impl<'a> Info<'a> {
         let irradiance = if least == most { least.to_string() } else { format!("{least} to {most}") };
         let layers: Vec<&str> = self.layers.keys().map(String::as_str).collect();
         let layers = if layers.is_empty() { "none".to_owned() } else { layers.join(", ") };
-        let precision = format!("{}, scale {}", precision_word(self.precision), self.scale);
         let coverage = format!("{}, {:.3} sr", self.coverage_words(), self.coverage.solid_angle_sr);
         for (name, value) in [
             ("file", self.file.clone()),
@@ -144,15 +162,33 @@ impl<'a> Info<'a> {
             ("coverage", coverage),
             ("spacing", format!("{:.2} degrees (median to the nearest lamp)", self.median_spacing_deg)),
             ("irradiance", irradiance),
-            ("precision", precision),
             ("layers", layers),
         ] {
             writeln!(out, "{name:<12}{value}")?;
         }
+        out += &self.held();
         for (name, value) in self.provenance.as_object().into_iter().flatten() {
             writeln!(out, "{name:<12}{}", provenance_words(value))?;
         }
         Ok(out)
+    }
+
+    /// A line for each representation.
+    pub(super) fn held(&self) -> String {
+        let mut out = String::new();
+        for held in &self.representations {
+            let lost = match held.kind {
+                Kind::Dense => String::new(),
+                _ => format!(
+                    ", 1:{:.1} of half samples, error {:.3} %{}",
+                    self.half_samples_bytes as f64 / held.bytes.max(1) as f64,
+                    100.0 * held.error,
+                    held.asked.map(|asked| format!(" ({:.3} % asked)", 100.0 * asked)).unwrap_or_default()
+                ),
+            };
+            out += &format!("{:<12}{}, {}{lost}\n", held.kind.id(), held.words, megabytes(held.bytes));
+        }
+        out
     }
 }
 
@@ -166,6 +202,33 @@ fn provenance_words(value: &serde_json::Value) -> String {
             format!("{} ... {} ({})", end(items.first()), end(items.last()), items.len())
         }
         other => other.to_string(),
+    }
+}
+
+/// Bytes of the samples as halves.
+fn half_samples(asset: &Asset) -> u64 {
+    let layout = Layout { width: asset.width(), height: asset.height(), elements: asset.domain().len() };
+    layout.len().unwrap_or(u64::MAX).saturating_mul(Precision::Half.bytes() as u64)
+}
+
+impl Held {
+    fn of(asset: &Asset, representation: &Representation) -> Self {
+        let (kind, loss) = (representation.kind(), representation.loss());
+        let words = match representation {
+            Representation::Dense { precision, .. } => precision_word(*precision).to_owned(),
+            Representation::Harmonics { functions, .. } => format!("{functions} spherical harmonics"),
+            Representation::Factored { tile: [w, h], .. } => format!("tiles of {w} x {h}"),
+            Representation::Wavelet { wavelet, grid: [w, h], reconstruction, .. } => {
+                format!("{wavelet} on {w} x {h}, rebuilt by {reconstruction}")
+            }
+        };
+        Self {
+            kind,
+            bytes: asset.bytes(kind),
+            asked: loss.and_then(|loss| loss.asked),
+            error: loss.map_or(0.0, |loss| loss.reached),
+            words,
+        }
     }
 }
 

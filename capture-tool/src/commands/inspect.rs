@@ -94,7 +94,7 @@ impl Arguments {
 
 impl Row {
     fn read(asset: &Asset, pixel: [usize; 2]) -> anyhow::Result<Self> {
-        let samples = asset.dense().reflectance(pixel[0], pixel[1])?;
+        let samples = asset.samples()?.reflectance(pixel[0], pixel[1])?;
         let picture = Image::from_data(samples.len(), 1, 3, samples.as_flattened().to_vec())?;
         Ok(Self { pixel, samples, exposure: sheet::exposure(&picture) })
     }
@@ -215,8 +215,8 @@ fn dot(direction: &Vec3, row: &Row, domain: &Directions, radius: f64) -> [f32; 3
 /// The object under all lamps at once, averaged down or repeated up to fit.
 fn thumbnail(asset: &Asset) -> anyhow::Result<Image> {
     let lamps = asset.domain().len();
-    let all = Weights { rgb: vec![[1.0 / lamps as f32; 3]; lamps] };
-    let mut pictures = apply(asset.dense(), &[&all], Window::full(asset.width(), asset.height()))?;
+    let all = Weights::of_lamps(vec![[1.0 / lamps as f32; 3]; lamps]);
+    let mut pictures = apply(asset.samples()?, &[&all], Window::full(asset.width(), asset.height()))?;
     let Some(mut whole) = pictures.pop() else { anyhow::bail!("no picture") };
     let exposure = sheet::exposure(&whole);
     whole.data_mut().iter_mut().for_each(|v| *v *= exposure);

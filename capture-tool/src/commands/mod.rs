@@ -3,6 +3,7 @@
 mod animate;
 mod calibrate;
 mod compare;
+mod compress;
 mod demo;
 mod evaluate;
 mod hdr;
@@ -50,6 +51,8 @@ pub enum Command {
     /// Measure what a rig must know: where lamps stand, white, lamps that failed.
     #[command(subcommand)]
     Calibrate(calibrate::Subject),
+    /// Make a field smaller and faster: a compact representation in place of its samples, or beside them.
+    Compress(compress::Arguments),
     /// Tell what a .rfield file holds.
     Info(info::Arguments),
     /// Check the bytes of a .rfield file against its hashes.
@@ -79,6 +82,7 @@ impl Command {
             Command::Surface(arguments) => arguments.run(),
             Command::Inspect(arguments) => arguments.run(),
             Command::Calibrate(subject) => subject.run(),
+            Command::Compress(arguments) => arguments.run(),
             Command::Info(arguments) => arguments.run(),
             Command::Verify(arguments) => arguments.run(),
             Command::Compare(arguments) => arguments.run(),

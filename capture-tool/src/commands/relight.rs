@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use relume_core::field::{Access, Asset, BLOCK_HEIGHT, Layout};
+use relume_core::field::{Access, Asset};
 use relume_core::illumination::{Beam, EnvMap};
 use relume_core::image::{self, ColourSpace, Conversion, EncodeOptions, Image, Window};
 use relume_core::reconstruct::Outside;
@@ -27,7 +27,9 @@ Examples:
   relume relight vase.rfield --layer normals -o normals.exr";
 
 /// About how much of the field is streamed between two looks at Ctrl-C.
-const BAND_BYTES: usize = 256 << 20;
+const BAND_BYTES: u64 = 256 << 20;
+/// Bands of whole tiles, so that no tile is looked at twice.
+const TILE_HEIGHT: u64 = 64;
 
 /// Raw flags. Those that shape a map mean nothing beside `--lamp` and are refused there.
 #[derive(Debug, Args)]
@@ -41,6 +43,10 @@ pub struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     light: LightArguments,
+    #[arg(long, value_name = "FORM", help = settings::REPRESENTATION.hint,
+          value_parser = values::choice(&settings::REPRESENTATION),
+          default_value = values::neutral_option(&settings::REPRESENTATION))]
+    representation: usize,
     #[arg(long, value_name = "METHOD", conflicts_with = "lamp", help = settings::RECONSTRUCTION.hint,
           value_parser = values::choice(&settings::RECONSTRUCTION),
           default_value = values::neutral_option(&settings::RECONSTRUCTION))]
@@ -139,6 +145,7 @@ impl Arguments {
             _ => anyhow::bail!("give one light: --env MAP, --lighting NAME or --lamp N, or a --layer"),
         };
         let mut look = Look {
+            representation: settings::representation(self.representation),
             method: settings::method(self.reconstruct),
             outside: settings::outside(self.outside),
             ambient: self.ambient,
@@ -211,7 +218,7 @@ impl Plan {
 impl Plan {
     /// What the weights of a light would sum to if nothing were dropped: turning and blurring keep integrals.
     fn expected(&self, light: [f64; 3], space: ColourSpace, relighter: &Relighter) -> [f64; 3] {
-        let mut sum = Weights { rgb: vec![light.map(|v| v as f32)] };
+        let mut sum = Weights::of_lamps(vec![light.map(|v| v as f32)]);
         sum.convert(&Conversion::between(space, relighter.asset().colour_space()));
         sum.scale(self.look.gain());
         sum.rgb[0].map(f64::from)
@@ -241,7 +248,7 @@ fn dropped_share(light: [f64; 3], weights: &Weights) -> f64 {
 fn render(relighter: &Relighter, weights: &Weights, look: &Look) -> relume_core::Result<Image> {
     let asset = relighter.asset();
     let (width, height) = (asset.width(), asset.height());
-    let rows = band_rows(asset.dense().layout(), asset.dense().precision().bytes());
+    let rows = band_rows(asset);
     let mut progress = Progress::new("relighting", Unit::Steps);
     let mut data = Vec::with_capacity(width * height * 4);
     for y0 in (0..height).step_by(rows) {
@@ -253,16 +260,21 @@ fn render(relighter: &Relighter, weights: &Weights, look: &Look) -> relume_core:
     Image::from_data(width, height, 4, data)
 }
 
-/// Rows of pixels whose blocks come to about [`BAND_BYTES`]: whole rows of blocks, and enough of them for all threads.
-pub fn band_rows(layout: Layout, bytes_a_number: usize) -> usize {
+/// Rows of pixels that come to about [`BAND_BYTES`] of a file.
+pub fn band_rows(asset: &Asset) -> usize {
+    rows_of(asset.file_len() / asset.height() as u64)
+}
+
+/// For so many bytes a row of pixels: whole rows of blocks and of tiles, and enough of them for all threads.
+fn rows_of(bytes: u64) -> usize {
     /// Ample for any machine: threads take whole rows of blocks.
-    const FEWEST_BLOCK_ROWS: usize = 32;
-    let block_row = layout.columns() * 3 * layout.block_len() * bytes_a_number;
-    (BAND_BYTES / block_row.max(1)).max(FEWEST_BLOCK_ROWS) * BLOCK_HEIGHT
+    const FEWEST: u64 = 256;
+    (BAND_BYTES / bytes.max(1)).max(FEWEST).next_multiple_of(TILE_HEIGHT) as usize
 }
 
 #[cfg(test)]
 mod tests {
+    use relume_core::field::Kind;
     use relume_core::illumination::MapCentre;
     use relume_core::image::ColourSpace;
     use relume_core::reconstruct::Method;
@@ -286,9 +298,10 @@ mod tests {
     fn flags_reach_the_plan() {
         let line = "relight a.rfield --env m.hdr -o out.png --reconstruct zero-order --rotate -90 --map-centre behind \
                     --outside nearest --exposure=-1.5 --ambient 0.25 --access read --pitch -30 --roll 12.5 \
-                    --tint 1,0.5,0.25 --blur 5 --clamp 10 --map-space acescg --output-space lin_rec2020";
+                    --tint 1,0.5,0.25 --blur 5 --clamp 10 --map-space acescg --output-space lin_rec2020 --representation factored";
         let plan = parse(line).unwrap().plan().unwrap();
         let look = Look {
+            representation: Some(Kind::Factored),
             method: Method::ZeroOrder,
             outside: Outside::Nearest,
             centre: MapCentre::Behind,
@@ -359,7 +372,7 @@ mod tests {
         let map = EnvMap::from_fn(64, 32, |d| if d.z > 0.0 { [1.0; 3] } else { [3.0; 3] });
         // The front hemisphere, 2 pi sr, holds a quarter of the light; one stop up.
         let half_pi = std::f32::consts::TAU * 2.0 / 4.0;
-        let weights = Weights { rgb: vec![[half_pi; 3]; 4] };
+        let weights = Weights::of_lamps(vec![[half_pi; 3]; 4]);
         let light = map.integral().map(|v| 2.0 * v);
         assert!((dropped_share(light, &weights) - 0.75).abs() < 1e-6);
         assert_eq!(dropped_share([0.0; 3], &Weights::dark(4)), 0.0);
@@ -367,9 +380,7 @@ mod tests {
 
     #[test]
     fn bands_are_whole_rows_of_blocks() {
-        let small = Layout { width: 402, height: 395, elements: 72 };
-        assert!(band_rows(small, 2) >= 395);
-        let large = Layout { width: 8192, height: 8192, elements: 1280 };
-        assert_eq!(band_rows(large, 4), 32 * BLOCK_HEIGHT);
+        assert!(rows_of(402 * 72 * 6) >= 395);
+        assert_eq!(rows_of(8192 * 1280 * 12), 256);
     }
 }

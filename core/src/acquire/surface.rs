@@ -10,10 +10,9 @@ use rayon::prelude::*;
 use super::stereo::{Estimator, Facet, Lamps, Room};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::field::{Asset, BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, Dense};
+use crate::field::{Asset, BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, Samples};
 use crate::image::Image;
 use crate::math::Vec3;
-use crate::relight::kernels::{self, Isa};
 
 /// Lamps that the search for a start looks at; the rest only refine it.
 const SAMPLE: usize = 192;
@@ -48,13 +47,14 @@ pub fn surface(asset: &Asset, progress: &mut dyn FnMut(u64, u64) -> Result<()>) 
     let (width, height) = (asset.width(), asset.height());
     let mut surface =
         Surface { normals: Image::new(width, height, 3), albedo: Image::new(width, height, 3), pixels: 0, reliable: 0 };
-    let layout = asset.dense().layout();
+    let samples = asset.samples()?;
+    let layout = samples.layout();
     let inside = |x: usize, y: usize| asset.alpha().is_none_or(|alpha| alpha[y * width + x] > 0.0);
     surface.pixels = (0..width * height).filter(|i| inside(i % width, i / width)).count();
     for by in 0..layout.rows() {
         let row: Vec<Vec<Option<Facet>>> = (0..layout.columns())
             .into_par_iter()
-            .map_init(Worker::default, |worker, bx| worker.block(&estimator, asset.dense(), (bx, by), &inside))
+            .map_init(Worker::default, |worker, bx| worker.block(&estimator, samples, (bx, by), &inside))
             .collect::<Result<_>>()?;
         for (bx, facets) in row.iter().enumerate() {
             for (k, facet) in facets.iter().enumerate() {
@@ -150,14 +150,13 @@ impl Worker {
     fn block(
         &mut self,
         estimator: &Estimator,
-        dense: &Dense,
+        samples: Samples<'_>,
         (bx, by): (usize, usize),
         inside: &(impl Fn(usize, usize) -> bool + Sync),
     ) -> Result<Vec<Option<Facet>>> {
-        let layout = dense.layout();
-        let isa = Isa::detect();
+        let layout = samples.layout();
         for (c, floats) in self.channels.iter_mut().enumerate() {
-            kernels::expand(isa, dense.block(bx, by, c, &mut self.buffer)?, floats);
+            samples.read(bx, by, c, &mut self.buffer, floats)?;
         }
         self.answers.iter_mut().for_each(|answers| answers.resize(estimator.padded(), 0.0));
         let facet = |k: usize| {
@@ -167,7 +166,7 @@ impl Worker {
             }
             for (answers, floats) in self.answers.iter_mut().zip(&self.channels) {
                 let of_pixel = floats.iter().skip(k).step_by(BLOCK_PIXELS);
-                answers.iter_mut().zip(of_pixel).for_each(|(out, t)| *out = t * dense.scale());
+                answers.iter_mut().zip(of_pixel).for_each(|(out, t)| *out = t * samples.scale());
             }
             let [r, g, b] = &self.answers;
             estimator.facet([r, g, b], &mut self.room)

@@ -12,9 +12,8 @@ use rayon::prelude::*;
 
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::field::{Asset, BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, Dense};
+use crate::field::{Asset, BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, Samples};
 use crate::math::{Vec3, angle_between};
-use crate::relight::kernels::{self, Isa};
 
 /// Fewest lamps that can tell one of them from the rest.
 const FEWEST: usize = 12;
@@ -74,14 +73,15 @@ pub fn check_lamps(asset: &Asset, progress: &mut dyn FnMut(u64, u64) -> Result<(
 
 /// Sums over the pixels and channels of square cells, `[lamp][cell]`.
 fn thumbnails(asset: &Asset, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Vec<Vec<f32>>> {
-    let (dense, layout) = (asset.dense(), asset.dense().layout());
+    let samples = asset.samples()?;
+    let layout = samples.layout();
     let side = (((layout.width * layout.height) as f64 / CELLS as f64).sqrt().ceil() as usize).max(1);
     let across = layout.width.div_ceil(side);
     let mut lamps = vec![vec![0.0f32; across * layout.height.div_ceil(side)]; layout.elements];
     for by in 0..layout.rows() {
         let blocks: Vec<BlockSums> = (0..layout.columns() * 3)
             .into_par_iter()
-            .map_init(Default::default, |room, n| block_sums(dense, (n / 3, by, n % 3), (side, across), room))
+            .map_init(Default::default, |room, n| block_sums(samples, (n / 3, by, n % 3), (side, across), room))
             .collect::<Result<_>>()?;
         for BlockSums { cells, sums } in &blocks {
             for (lamp, sums) in lamps.iter_mut().zip(sums.chunks_exact(cells.len())) {
@@ -101,13 +101,13 @@ struct BlockSums {
 }
 
 fn block_sums(
-    dense: &Dense,
+    samples: Samples<'_>,
     (bx, by, c): (usize, usize, usize),
     (side, across): (usize, usize),
     (buffer, floats): &mut (BlockBuffer, Vec<f32>),
 ) -> Result<BlockSums> {
-    let layout = dense.layout();
-    kernels::expand(Isa::detect(), dense.block(bx, by, c, buffer)?, floats);
+    let layout = samples.layout();
+    samples.read(bx, by, c, buffer, floats)?;
     let mut cells: Vec<usize> = Vec::new();
     // For each pixel its place in the list; pixels past the edges of the picture have none.
     let place = |k: usize| {

@@ -2,9 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::error::{Error, Result};
-use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, Dense};
-use crate::relight::kernels::{self, Isa};
+use crate::error::Result;
+use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, Samples};
 
 /// Rows of blocks between two reports of progress, a thread: enough that threads seldom wait for each other.
 const ROWS_A_THREAD: usize = 2;
@@ -12,7 +11,7 @@ const ROWS_A_THREAD: usize = 2;
 /// Called with the rows of pixels done and all of them; an error stops the work.
 pub type Progress<'a> = dyn FnMut(u64, u64) -> Result<()> + 'a;
 
-/// Numbers of the three channels of a block, each `[element][8][16]`, as stored: [`Dense::scale`] is left out.
+/// Numbers of the three channels of a block, each `[element][8][16]`, as stored: [`Samples::scale`] is left out.
 pub(super) type Channels = [Vec<f32>; 3];
 
 /// Calls `work` with every block; what it returns, `[plane][8][16]`, is put together to `planes` planes of width x height,
@@ -21,20 +20,19 @@ pub(super) type Channels = [Vec<f32>; 3];
 /// # Errors
 /// Bytes that cannot be read, numbers that are not finite, what `progress` returns.
 pub(super) fn map_pixels<T: Copy + Default + Send>(
-    dense: &Dense,
+    samples: Samples<'_>,
     planes: usize,
     work: impl Fn(&Channels) -> Vec<T> + Sync,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<Vec<T>>> {
-    let layout = dense.layout();
-    let isa = Isa::detect();
+    let layout = samples.layout();
     let mut pixels = vec![vec![T::default(); layout.width * layout.height]; planes];
     let step = ROWS_A_THREAD * rayon::current_num_threads();
     for first in (0..layout.rows()).step_by(step) {
         let rows = first..(first + step).min(layout.rows());
         let places: Vec<(usize, usize)> =
             rows.clone().flat_map(|by| (0..layout.columns()).map(move |bx| (bx, by))).collect();
-        let work = |&(bx, by): &(usize, usize)| Ok(work(&read(dense, isa, bx, by)?));
+        let work = |&(bx, by): &(usize, usize)| Ok(work(&read(samples, bx, by)?));
         let answers = places.par_iter().map(work).collect::<Result<Vec<_>>>()?;
         for (&(bx, by), answers) in places.iter().zip(&answers) {
             for (at, answer) in answers.iter().enumerate() {
@@ -54,16 +52,10 @@ pub(super) fn map_pixels<T: Copy + Default + Send>(
 ///
 /// # Errors
 /// Bytes that cannot be read, numbers that are not finite.
-pub(super) fn read(dense: &Dense, isa: Isa, bx: usize, by: usize) -> Result<Channels> {
-    let (mut buffer, mut channels) = (BlockBuffer::default(), Channels::default());
+pub(super) fn read(samples: Samples<'_>, bx: usize, by: usize) -> Result<Channels> {
+    let (mut room, mut channels) = (BlockBuffer::default(), Channels::default());
     for (c, floats) in channels.iter_mut().enumerate() {
-        kernels::expand(isa, dense.block(bx, by, c, &mut buffer)?, floats);
-        if let Some(at) = floats.iter().position(|v| !v.is_finite()) {
-            let (x, y) = (bx * BLOCK_WIDTH + at % BLOCK_WIDTH, by * BLOCK_HEIGHT + at % BLOCK_PIXELS / BLOCK_WIDTH);
-            let place = format!("{}, pixel ({x}, {y}), lamp {}", dense.path().display(), at / BLOCK_PIXELS + 1);
-            let expected = "a finite number (`relume verify` tells whether the file was damaged)";
-            return Err(Error::invalid(place, floats[at].to_string(), expected));
-        }
+        samples.read(bx, by, c, &mut room, floats)?;
     }
     Ok(channels)
 }

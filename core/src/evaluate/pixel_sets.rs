@@ -17,7 +17,7 @@ use nalgebra::Matrix3;
 use super::blocks::{Channels, Progress, map_pixels};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::field::{BLOCK_PIXELS, Dense};
+use crate::field::{BLOCK_PIXELS, Samples};
 use crate::image::Image;
 use crate::math::Vec3;
 
@@ -127,7 +127,7 @@ impl PixelSet {
 ///
 /// # Errors
 /// Bytes that cannot be read, numbers that are not finite, what `progress` returns.
-pub fn traits(dense: &Dense, lamps: &Directions, progress: &mut Progress<'_>) -> Result<Vec<Traits>> {
+pub fn traits(samples: Samples<'_>, lamps: &Directions, progress: &mut Progress<'_>) -> Result<Vec<Traits>> {
     let work = |channels: &Channels| {
         let mean =
             |j: usize, at: usize| channels.iter().map(|c| f64::from(c[j * BLOCK_PIXELS + at])).sum::<f64>() / 3.0;
@@ -137,7 +137,7 @@ pub fn traits(dense: &Dense, lamps: &Directions, progress: &mut Progress<'_>) ->
         };
         (0..BLOCK_PIXELS).map(of_pixel).collect()
     };
-    Ok(map_pixels(dense, 1, work, progress)?.pop().unwrap_or_default())
+    Ok(map_pixels(samples, 1, work, progress)?.pop().unwrap_or_default())
 }
 
 /// The sets of figure 4.16 among pixels of these traits; where there is coverage, only among those that the object covers.

@@ -14,7 +14,7 @@ use super::blocks::{Channels, Progress, map_pixels};
 use super::subset::{Keep, Subset};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
-use crate::field::{BLOCK_PIXELS, Dense};
+use crate::field::{BLOCK_PIXELS, Samples};
 use crate::reconstruct::{Method, Reconstruction, Resampling};
 
 /// A thinned set of lamps, and the methods that can rebuild it.
@@ -74,20 +74,20 @@ pub fn build(
 /// # Errors
 /// A field of other lamps than `whole`; bytes that cannot be read, numbers that are not finite, what `progress` returns.
 pub fn relative_errors(
-    dense: &Dense,
+    samples: Samples<'_>,
     whole: &Directions,
     thinned: &Thinned,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<Vec<f32>>> {
-    if dense.layout().elements != whole.len() {
+    if samples.layout().elements != whole.len() {
         let found = format!("{} lamps", whole.len());
-        return Err(Error::invalid("lamps", found, format!("{}, as the field has", dense.layout().elements)));
+        return Err(Error::invalid("lamps", found, format!("{}, as the field has", samples.layout().elements)));
     }
     // `U` at all lamps: what a method makes of one sample a kept lamp (eq. 4.6, at the places of the reference).
     let upsamplings: Vec<Resampling> =
         thinned.methods.iter().map(|method| Resampling::new(method, whole.lamps())).collect();
     let work = |channels: &Channels| block_errors(channels, &thinned.subset.kept, &upsamplings, whole.len());
-    map_pixels(dense, upsamplings.len(), work, progress)
+    map_pixels(samples, upsamplings.len(), work, progress)
 }
 
 /// `e_i` of one block: `[method][8][16]`.

@@ -3,7 +3,7 @@
 use super::blocks::Progress;
 use super::pixel_sets::PixelSet;
 use crate::error::Result;
-use crate::field::{BLOCK_HEIGHT, Dense};
+use crate::field::{BLOCK_HEIGHT, Samples};
 use crate::image::{Image, Window};
 use crate::relight::{Weights, apply};
 
@@ -17,13 +17,13 @@ const BAND_BYTES: usize = 64 << 20;
 /// # Errors
 /// As [`apply`]; what `progress` returns.
 pub fn relit_errors(
-    dense: &Dense,
+    samples: Samples<'_>,
     reference: &[Weights],
     methods: &[Vec<Weights>],
     sets: &[PixelSet],
     progress: &mut Progress<'_>,
 ) -> Result<Vec<Vec<Vec<f64>>>> {
-    let (width, height) = (dense.layout().width, dense.layout().height);
+    let (width, height) = (samples.layout().width, samples.layout().height);
     let lights = reference.len();
     let weights: Vec<&Weights> = reference.iter().chain(methods.iter().flatten()).collect();
     let members: Vec<Vec<usize>> = membership(sets, width * height);
@@ -33,7 +33,7 @@ pub fn relit_errors(
     let mut norms = vec![vec![0.0f64; lights]; sets.len()];
     for y0 in (0..height).step_by(rows) {
         let window = Window { x0: 0, y0, x1: width, y1: (y0 + rows).min(height) };
-        let pictures = apply(dense, &weights, window)?;
+        let pictures = apply(samples, &weights, window)?;
         let (truths, tries) = pictures.split_at(lights);
         for (at, sets) in members[y0 * width..window.y1 * width].iter().enumerate() {
             for &set in sets {

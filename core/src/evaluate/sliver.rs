@@ -8,12 +8,11 @@ use std::f64::consts::{PI, TAU};
 
 use super::blocks::read;
 use crate::error::{Error, Result};
-use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Dense};
+use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Samples};
 use crate::illumination::EnvMap;
 use crate::image::Image;
 use crate::reconstruct::Operator;
 use crate::relight::Weights;
-use crate::relight::kernels::Isa;
 
 /// Columns and rows of the sliver's map: 0.7 degrees a texel; edges are averaged exactly.
 pub const SLIVER_MAP: (usize, usize) = (512, 256);
@@ -83,22 +82,21 @@ impl Column {
     ///
     /// # Errors
     /// A column outside the picture; bytes that cannot be read, numbers that are not finite.
-    pub fn read(dense: &Dense, x: usize) -> Result<Self> {
-        let layout = dense.layout();
+    pub fn read(samples: Samples<'_>, x: usize) -> Result<Self> {
+        let layout = samples.layout();
         if x >= layout.width {
             let expected = format!("0 to {}", layout.width - 1);
-            return Err(Error::invalid(dense.path().display().to_string(), format!("column {x}"), expected));
+            return Err(Error::invalid(samples.path().display().to_string(), format!("column {x}"), expected));
         }
         let (height, lamps) = (layout.height, layout.elements);
         let mut numbers = vec![0.0; 3 * height * lamps];
-        let isa = Isa::detect();
         for by in 0..layout.rows() {
-            let channels = read(dense, isa, x / BLOCK_WIDTH, by)?;
+            let channels = read(samples, x / BLOCK_WIDTH, by)?;
             for (c, floats) in channels.iter().enumerate() {
                 for y in by * BLOCK_HEIGHT..((by + 1) * BLOCK_HEIGHT).min(height) {
                     let at = (y % BLOCK_HEIGHT) * BLOCK_WIDTH + x % BLOCK_WIDTH;
                     let row = &mut numbers[(c * height + y) * lamps..][..lamps];
-                    row.iter_mut().enumerate().for_each(|(j, t)| *t = floats[j * BLOCK_PIXELS + at] * dense.scale());
+                    row.iter_mut().enumerate().for_each(|(j, t)| *t = floats[j * BLOCK_PIXELS + at] * samples.scale());
                 }
             }
         }

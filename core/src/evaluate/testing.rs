@@ -23,9 +23,9 @@ pub struct Field {
 impl Field {
     /// All of T, `[channel and lamp][pixel]`.
     pub fn numbers(&self) -> Vec<Vec<f32>> {
-        let dense = self.asset.dense();
-        let planes = 3 * dense.layout().elements;
-        map_pixels(dense, planes, |channels| channels.concat(), &mut |_, _| Ok(())).unwrap()
+        let samples = self.asset.samples().unwrap();
+        let planes = 3 * samples.layout().elements;
+        map_pixels(samples, planes, |channels| channels.concat(), &mut |_, _| Ok(())).unwrap()
     }
 }
 

@@ -8,8 +8,10 @@ use rayon::prelude::*;
 
 use super::archive::{self, Entries};
 use super::dense::{Dense, Layout};
-use super::manifest::{Manifest, Representation};
+use super::harmonics::Harmonics;
+use super::manifest::{Kind, Manifest, Precision, Representation};
 use super::npy;
+use super::samples::Samples;
 use super::store::{Access, Scratch, Store};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
@@ -25,7 +27,8 @@ pub struct Asset {
     manifest: Manifest,
     colour_space: ColourSpace,
     domain: Arc<Directions>,
-    dense: Dense,
+    dense: Option<Dense>,
+    harmonics: Option<Harmonics>,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
     normals: Option<Picture>,
@@ -48,12 +51,31 @@ impl Asset {
             manifest.directions().map_err(|error| Error::invalid(&place, error.to_string(), "a usable domain"))?;
         let colour_space = manifest.colours()?;
         let store = Arc::new(Store::open(path, access)?);
-        let layout = Layout { width: manifest.width, height: manifest.height, elements: domain.len() };
-        let Representation::Dense { array, precision, scale, .. } = &manifest.representation;
         let open = Opening { store: &store, entries: &entries, place: &place };
-        let start = open.array(array, precision.descr(), &layout.shape(), precision.bytes())?.start;
-        let dense = Dense { store: store.clone(), start, layout, precision: *precision, scale: *scale };
         let (w, h) = (manifest.width, manifest.height);
+        let (mut dense, mut harmonics) = (None, None);
+        for representation in &manifest.representations {
+            if let Some(loss) = representation.loss() {
+                open.array(&loss.errors, Precision::Half.descr(), &[h, w], Precision::Half.bytes())?;
+            }
+            match representation {
+                Representation::Dense { array, precision, scale, .. } => {
+                    let layout = Layout { width: w, height: h, elements: domain.len() };
+                    dense = Some(open.dense(array, layout, *precision, *scale)?);
+                }
+                Representation::Harmonics { array, functions, scale, .. } => {
+                    let layout = Layout { width: w, height: h, elements: *functions };
+                    harmonics = Some(Harmonics::new(open.dense(array, layout, Precision::Half, *scale)?, &domain));
+                }
+                Representation::Factored { .. } | Representation::Wavelet { .. } => {
+                    return Err(Error::Unsupported {
+                        place,
+                        what: format!("representation `{}`", representation.kind().id()),
+                        advice: "use a newer Relume".to_owned(),
+                    });
+                }
+            }
+        }
         let layer = |name: &str, shape: &[usize]| -> Result<Option<Vec<f32>>> {
             manifest.layers.get(name).map(|entry| open.layer(entry, shape)).transpose()
         };
@@ -73,6 +95,7 @@ impl Asset {
             colour_space,
             domain: Arc::new(domain),
             dense,
+            harmonics,
             ambient,
             alpha,
             normals,
@@ -117,9 +140,65 @@ impl Asset {
         &self.domain
     }
 
-    /// `T`.
-    pub fn dense(&self) -> &Dense {
-        &self.dense
+    /// The samples at the lamps, as photographed, if the asset holds them.
+    pub fn dense(&self) -> Option<&Dense> {
+        self.dense.as_ref()
+    }
+
+    /// The spherical harmonics, if the asset holds them.
+    pub fn harmonics(&self) -> Option<&Harmonics> {
+        self.harmonics.as_ref()
+    }
+
+    /// The samples at the lamps, as photographed or decoded.
+    ///
+    /// # Errors
+    /// An asset that holds none: one compressed to wavelets or harmonics alone.
+    pub fn samples(&self) -> Result<Samples<'_>> {
+        if let Some(dense) = &self.dense {
+            return Ok(Samples::Dense(dense));
+        }
+        let held: Vec<&str> = self.manifest.representations.iter().map(|r| r.kind().id()).collect();
+        Err(Error::Unsupported {
+            place: self.path().display().to_string(),
+            what: format!("looking at samples of the lamps: it holds {} alone", held.join(" and ")),
+            advice: "use the asset that it was compressed from, or compress with --keep".to_owned(),
+        })
+    }
+
+    /// `e_p` of a lossy representation, width x height, row 0 at the top: the largest over the channels of the absolute error
+    /// of the reflectance function of each pixel, so that a picture is off by at most `e_p ||w||` there. Zeros for the
+    /// samples themselves, nothing where the asset does not hold the kind.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read; numbers that are negative or not finite.
+    pub fn errors(&self, kind: Kind) -> Result<Option<Vec<f32>>> {
+        let Some(representation) = self.manifest.representation(kind) else { return Ok(None) };
+        let (w, h) = (self.width(), self.height());
+        let Some(loss) = representation.loss() else { return Ok(Some(vec![0.0; w * h])) };
+        let place = self.path().display().to_string();
+        let open = Opening { store: &self.store, entries: &self.entries, place: &place };
+        let range = open.array(&loss.errors, Precision::Half.descr(), &[h, w], Precision::Half.bytes())?;
+        let mut scratch = Scratch::default();
+        let bytes = self.store.get(range.start, (range.end - range.start) as usize, &mut scratch)?;
+        let half = |b: &[u8]| half::f16::from_le_bytes([b[0], b[1]]).to_f32() * loss.scale;
+        let errors: Vec<f32> = bytes.chunks_exact(2).map(half).collect();
+        match errors.iter().position(|e| !(e.is_finite() && *e >= 0.0)) {
+            Some(at) => {
+                let place = format!("{place}, {}, pixel ({}, {})", loss.errors, at % w, at / w);
+                Err(Error::invalid(place, errors[at].to_string(), "an error, finite and not negative"))
+            }
+            None => Ok(Some(errors)),
+        }
+    }
+
+    /// Bytes of a representation, its error map left out; 0 where the asset does not hold the kind.
+    pub fn bytes(&self, kind: Kind) -> u64 {
+        let representation = self.manifest.representation(kind);
+        let errors = representation.and_then(|r| r.loss()).map(|loss| &loss.errors);
+        let own = representation.map(|r| r.entries()).unwrap_or_default();
+        let arrays = own.iter().filter(|entry| errors.is_none_or(|errors| errors != **entry));
+        arrays.filter_map(|entry| self.entries.get(*entry)).map(|range| range.end - range.start).sum()
     }
 
     /// `S`, what is seen with every lamp off, if it was photographed; width x height x 3.
@@ -245,15 +324,21 @@ fn floats(store: &Store, range: &Range<u64>, place: &str) -> Result<Vec<f32>> {
 }
 
 /// What opening an array needs.
-struct Opening<'a> {
-    store: &'a Store,
+pub(super) struct Opening<'a> {
+    store: &'a Arc<Store>,
     entries: &'a Entries,
     place: &'a str,
 }
 
 impl Opening<'_> {
+    /// Coefficient pictures in blocks.
+    fn dense(&self, entry: &str, layout: Layout, precision: Precision, scale: f32) -> Result<Dense> {
+        let start = self.array(entry, precision.descr(), &layout.shape(), precision.bytes())?.start;
+        Ok(Dense { store: Arc::clone(self.store), start, layout, precision, scale })
+    }
+
     /// Where the numbers of an array lie, once its header and size are right.
-    fn array(&self, entry: &str, descr: &str, shape: &[usize], bytes: usize) -> Result<Range<u64>> {
+    pub fn array(&self, entry: &str, descr: &str, shape: &[usize], bytes: usize) -> Result<Range<u64>> {
         let place = format!("{}, {entry}", self.place);
         let range = self
             .entries

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::manifest::Precision;
 use super::store::{Scratch, Store};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::image::Window;
 
 /// Columns of a block.
@@ -89,7 +89,24 @@ pub enum Block<'a> {
 
 /// Room for a block where the file is read, not mapped.
 #[derive(Debug, Default)]
-pub struct BlockBuffer(Scratch);
+pub struct BlockBuffer(pub(super) Scratch);
+
+impl Block<'_> {
+    /// The numbers as floats, as stored.
+    pub fn expand(&self, out: &mut Vec<f32>) {
+        use half::slice::HalfFloatSliceExt;
+        match self {
+            Block::Half(t) => {
+                out.resize(t.len(), 0.0);
+                t.convert_to_f32_slice(out);
+            }
+            Block::Float(t) => {
+                out.clear();
+                out.extend_from_slice(t);
+            }
+        }
+    }
+}
 
 impl Dense {
     /// Sizes.
@@ -110,31 +127,6 @@ impl Dense {
     /// A power of two: T = stored x scale.
     pub fn scale(&self) -> f32 {
         self.scale
-    }
-
-    /// The reflectance function of a pixel: one RGB triple an element.
-    ///
-    /// # Errors
-    /// A pixel outside the picture; bytes that cannot be read.
-    pub fn reflectance(&self, x: usize, y: usize) -> Result<Vec<[f32; 3]>> {
-        if x >= self.layout.width || y >= self.layout.height {
-            let expected = format!("0,0 to {},{}, from the top left", self.layout.width - 1, self.layout.height - 1);
-            return Err(Error::invalid(self.path().display().to_string(), format!("pixel {x},{y}"), expected));
-        }
-        let at = y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH;
-        let mut answers = vec![[0.0; CHANNELS]; self.layout.elements];
-        let mut buffer = BlockBuffer::default();
-        for c in 0..CHANNELS {
-            let block = self.block(x / BLOCK_WIDTH, y / BLOCK_HEIGHT, c, &mut buffer)?;
-            for (element, rgb) in answers.iter_mut().enumerate() {
-                let stored = match block {
-                    Block::Half(t) => t[element * BLOCK_PIXELS + at].to_f32(),
-                    Block::Float(t) => t[element * BLOCK_PIXELS + at],
-                };
-                rgb[c] = stored * self.scale;
-            }
-        }
-        Ok(answers)
     }
 
     /// The block in column `bx`, row `by`, of channel `c`, as one contiguous stream.

@@ -11,8 +11,10 @@ use crate::math::Vec3;
 
 /// The `format` field of every manifest.
 pub const FORMAT: &str = "relume.rfield";
-/// Major and minor version that this library writes.
-pub const VERSION: [u32; 2] = [1, 0];
+/// Major and minor version that this library writes. 2: several representations; 1, with one, is read too.
+pub const VERSION: [u32; 2] = [2, 0];
+/// The first major version.
+const OLDEST: u32 = 1;
 /// Rows or columns beyond this are taken for corruption: no camera comes near.
 const LARGEST_SIDE: usize = 1 << 17;
 /// Lamps beyond this are taken for corruption.
@@ -64,8 +66,9 @@ pub struct Manifest {
     pub height: usize,
     /// What the rig could emit.
     pub domain: Domain,
-    /// How `T` is represented.
-    pub representation: Representation,
+    /// How `T` is represented: at least once, each kind at most once.
+    #[serde(alias = "representation", deserialize_with = "one_or_several")]
+    pub representations: Vec<Representation>,
     /// Layer name -> entry: `ambient`, `alpha`, `normals`, `albedo`.
     pub layers: BTreeMap<String, String>,
     /// Where the field came from; free form, for people.
@@ -95,7 +98,7 @@ pub enum Domain {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Representation {
-    /// One coefficient picture per element.
+    /// One coefficient picture per lamp.
     Dense {
         /// The entry.
         array: String,
@@ -108,6 +111,178 @@ pub enum Representation {
         #[serde(serialize_with = "exactly")]
         scale: f32,
     },
+    /// One coefficient picture per spherical harmonic, halves, laid out as dense ones.
+    Harmonics {
+        /// The entry.
+        array: String,
+        /// How many functions, all those of whole bands: 25, 225.
+        functions: usize,
+        /// A power of two: coefficient = stored x scale.
+        #[serde(serialize_with = "exactly")]
+        scale: f32,
+        /// What was lost.
+        loss: Loss,
+    },
+    /// Tiles of low rank: `T = A B` in each.
+    Factored {
+        /// Columns and rows of a tile, in pixels; whole blocks.
+        tile: [usize; 2],
+        /// Rank of each tile, `[tile row, tile column]`, `<u4`.
+        ranks: String,
+        /// A of every tile, halves.
+        left: String,
+        /// B of every tile, `[rank, lamp]`, halves.
+        right: String,
+        /// A power of two: A = stored x scale.
+        #[serde(serialize_with = "exactly")]
+        scale: f32,
+        /// What was lost.
+        loss: Loss,
+    },
+    /// For each pixel a set of wavelet coefficients of its reflectance function, rebuilt on a grid.
+    Wavelet {
+        /// Id of the [`Wavelet`](crate::wavelet::Wavelet), in the constant-energy normalisation, cyclic in longitude and mirrored at both ends of
+        /// the other axis.
+        wavelet: String,
+        /// Longitudes about the axis of the domain x angles from it, over its coverage.
+        grid: [usize; 2],
+        /// Id of the [`Method`](crate::reconstruct::Method) that the functions were rebuilt by.
+        reconstruction: String,
+        /// First term of each pixel, and their number.
+        offsets: String,
+        /// Place of each term.
+        locations: String,
+        /// `[term, 3]`, halves.
+        coefficients: String,
+        /// A power of two: coefficient = stored x scale.
+        #[serde(serialize_with = "exactly")]
+        scale: f32,
+        /// The most terms that a pixel was allowed.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        most_terms: Option<usize>,
+        /// What was lost.
+        loss: Loss,
+    },
+}
+
+/// How far a compact representation is from what it stands for: the samples, or the functions rebuilt from them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Loss {
+    /// The relative error that was asked for, if any was.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked: Option<f64>,
+    /// The relative error reached over the whole field, of what is stored: `||T - T'|| / ||T||`, Frobenius.
+    pub reached: f64,
+    /// Entry with `e_p`, `[height, width]`, halves: the largest over the channels of the absolute error of the reflectance
+    /// function of pixel p, so that a picture is off by at most `e_p ||w||` there.
+    pub errors: String,
+    /// A power of two: e_p = stored x scale.
+    #[serde(serialize_with = "exactly")]
+    pub scale: f32,
+}
+
+/// The kinds of representations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Samples at the lamps.
+    Dense,
+    /// Tiles of low rank.
+    Factored,
+    /// Wavelet coefficients of each pixel.
+    Wavelet,
+    /// Spherical harmonics.
+    Harmonics,
+}
+
+impl Kind {
+    /// All, in permanent order.
+    pub const ALL: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics];
+
+    /// Permanent id.
+    pub const fn id(self) -> &'static str {
+        match self {
+            Kind::Dense => "dense",
+            Kind::Factored => "factored",
+            Kind::Wavelet => "wavelet",
+            Kind::Harmonics => "harmonics",
+        }
+    }
+}
+
+impl Representation {
+    /// Its kind.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Representation::Dense { .. } => Kind::Dense,
+            Representation::Harmonics { .. } => Kind::Harmonics,
+            Representation::Factored { .. } => Kind::Factored,
+            Representation::Wavelet { .. } => Kind::Wavelet,
+        }
+    }
+
+    /// What was lost; nothing where the samples are stored themselves.
+    pub fn loss(&self) -> Option<&Loss> {
+        match self {
+            Representation::Dense { .. } => None,
+            Representation::Harmonics { loss, .. }
+            | Representation::Factored { loss, .. }
+            | Representation::Wavelet { loss, .. } => Some(loss),
+        }
+    }
+
+    /// The entries that belong to it.
+    pub fn entries(&self) -> Vec<&str> {
+        let own: Vec<&String> = match self {
+            Representation::Dense { array, .. } | Representation::Harmonics { array, .. } => vec![array],
+            Representation::Factored { ranks, left, right, .. } => vec![ranks, left, right],
+            Representation::Wavelet { offsets, locations, coefficients, .. } => vec![offsets, locations, coefficients],
+        };
+        own.into_iter().chain(self.loss().map(|loss| &loss.errors)).map(String::as_str).collect()
+    }
+
+    fn check(&self, place: &str) -> Result<()> {
+        let refuse = |found: String, expected: &str| Err(Error::invalid(place, found, expected));
+        if let Some(loss) = self.loss() {
+            if !(loss.reached.is_finite() && loss.reached >= 0.0) {
+                return refuse(format!("an error of {}", loss.reached), "a finite one, not negative");
+            }
+            check_scale(loss.scale, place)?;
+        }
+        match self {
+            Representation::Dense { basis, .. } if basis != "lamps" => refuse(format!("basis `{basis}`"), "`lamps`"),
+            Representation::Harmonics { functions, .. } if bands_of(*functions).is_none() => {
+                refuse(format!("{functions} spherical harmonics"), "a square number from 4 to 625: whole bands")
+            }
+            Representation::Dense { scale, .. }
+            | Representation::Harmonics { scale, .. }
+            | Representation::Factored { scale, .. }
+            | Representation::Wavelet { scale, .. } => check_scale(*scale, place),
+        }
+    }
+}
+
+/// Bands of a number of spherical harmonics: 2 to 25, in whole bands.
+pub fn bands_of(functions: usize) -> Option<usize> {
+    (2..=25).find(|bands| bands * bands == functions)
+}
+
+/// Powers of two and their reciprocals only: scaling must not round.
+fn check_scale(scale: f32, place: &str) -> Result<()> {
+    if scale.is_normal() && scale > 0.0 && scale.to_bits() & 0x007f_ffff == 0 {
+        return Ok(());
+    }
+    Err(Error::invalid(place, format!("scale {scale}"), "a power of two"))
+}
+
+/// Version 1 had one representation, no list.
+fn one_or_several<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<Representation>, D::Error> {
+    use serde::de::Error as _;
+    let value = match serde_json::Value::deserialize(deserializer)? {
+        several @ serde_json::Value::Array(_) => several,
+        one => serde_json::Value::Array(vec![one]),
+    };
+    serde_json::from_value(value).map_err(D::Error::custom)
 }
 
 /// The shortest decimals that give an f32 back are not the same number in double precision; those of the f64 are.
@@ -135,11 +310,11 @@ impl Manifest {
         if header.format != FORMAT {
             return Err(Error::invalid(place, format!("format `{}`", header.format), format!("`{FORMAT}`")));
         }
-        if header.version[0] != VERSION[0] {
+        if !(OLDEST..=VERSION[0]).contains(&header.version[0]) {
             return Err(Error::Unsupported {
                 place,
                 what: format!("container version {}.{}", header.version[0], header.version[1]),
-                advice: format!("this Relume reads version {}; use a newer one", VERSION[0]),
+                advice: format!("this Relume reads versions {OLDEST} to {}; use a newer one", VERSION[0]),
             });
         }
         let manifest: Self = serde_json::from_slice(bytes).map_err(invalid)?;
@@ -150,7 +325,6 @@ impl Manifest {
     fn check(&self, place: &str) -> Result<()> {
         let refuse = |found: String, expected: &str| Err(Error::invalid(place, found, expected));
         let Domain::Directions { directions, irradiance, .. } = &self.domain;
-        let Representation::Dense { basis, scale, .. } = &self.representation;
         if !(1..=LARGEST_SIDE).contains(&self.width) || !(1..=LARGEST_SIDE).contains(&self.height) {
             return refuse(format!("a picture of {} x {}", self.width, self.height), "1 to 131072 pixels a side");
         }
@@ -164,14 +338,22 @@ impl Manifest {
         if let Err(Error::Invalid { found, expected, .. }) = known {
             return refuse(format!("colour space {found}"), &expected);
         }
-        if basis != "lamps" {
-            return refuse(format!("basis `{basis}`"), "`lamps`");
+        if self.representations.is_empty() {
+            return refuse("no representation".to_owned(), "at least one");
         }
-        // Powers of two and their reciprocals only: scaling must not round.
-        if !(scale.is_normal() && *scale > 0.0 && scale.to_bits() & 0x007f_ffff == 0) {
-            return refuse(format!("scale {scale}"), "a power of two");
+        for (n, representation) in self.representations.iter().enumerate() {
+            let kind = representation.kind();
+            if self.representations[..n].iter().any(|other| other.kind() == kind) {
+                return refuse(format!("two representations of kind `{}`", kind.id()), "one at most");
+            }
+            representation.check(place)?;
         }
         Ok(())
+    }
+
+    /// The representation of a kind, if there is one.
+    pub fn representation(&self, kind: Kind) -> Option<&Representation> {
+        self.representations.iter().find(|representation| representation.kind() == kind)
     }
 
     /// The colours of transport and layers.

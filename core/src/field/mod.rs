@@ -4,7 +4,8 @@
 //! memory-mapped, listed with `unzip -l`, and its arrays opened by `numpy.load`:
 //!
 //! ```text
-//! transport/dense.npy   T, [block y, block x, channel, element, 8, 16], `<f2` or `<f4`
+//! transport/dense.npy   T at the lamps, [block y, block x, channel, lamp, 8, 16], `<f2` or `<f4`
+//! transport/*.npy       compact representations of it, beside it or in its place ([`Representation`]), each with its errors
 //! layers/*.npy          ambient S, normals, albedo (height, width, 3), alpha (height, width), `<f4`, row 0 at the top
 //! preview.png           a lit picture for file browsers
 //! manifest.json         what it is, the domain with its geometry, provenance, BLAKE3 of every other entry
@@ -20,24 +21,32 @@
 //! | `npy` | array headers |
 //! | `store` | how bytes arrive: mapped or read |
 //! | `dense` | one coefficient picture per element |
+//! | `harmonics` | coefficient pictures of spherical harmonics |
+//! | `samples` | the samples at the lamps, as photographed or decoded |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
-//! | `rewrite` | a container with layers added |
+//! | `rewrite` | a container from another: layers added |
+//! | [`compress`] | a container from another: compact representations |
 
 mod archive;
 mod asset;
+pub mod compress;
 mod dense;
+mod harmonics;
 mod manifest;
 mod mapping;
 mod npy;
 mod rewrite;
+mod samples;
 mod store;
 mod writer;
 
 pub use asset::Asset;
 pub use dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout};
-pub use manifest::{FORMAT, Manifest, Precision, VERSION};
+pub use harmonics::Harmonics;
+pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
 pub use rewrite::{NewLayer, add_layers};
+pub use samples::Samples;
 pub use store::Access;
 pub use writer::{Bands, Contents, write};
 

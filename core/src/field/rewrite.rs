@@ -1,4 +1,4 @@
-//! Adding layers to a container: everything else is copied as it is, byte by byte.
+//! A container made from another: what is kept is copied as it is, byte by byte.
 
 use std::collections::BTreeMap;
 use std::mem::ManuallyDrop;
@@ -7,6 +7,7 @@ use std::path::Path;
 use zip::ZipWriter;
 
 use super::asset::Asset;
+use super::manifest::{Manifest, VERSION};
 use super::store::Scratch;
 use super::writer::{Entries, failed};
 use crate::error::{Error, Result};
@@ -43,32 +44,56 @@ pub fn add_layers(
         let found = format!("{} x {} x {}", wrong.picture.width(), wrong.picture.height(), wrong.picture.channels());
         return Err(Error::invalid(format!("layer `{}`", wrong.name), found, format!("{width} x {height} x 3")));
     }
-    let mut manifest = asset.manifest().clone();
     let entry = |name: &str| format!("layers/{name}.npy");
-    let replaced = |name: &str| name == "manifest.json" || layers.iter().any(|layer| entry(layer.name) == name);
-    let kept: Vec<(&String, u64)> = asset
+    let kept = |name: &str| !layers.iter().any(|layer| entry(layer.name) == name);
+    rewrite(asset, output, &kept, progress, |out, manifest| {
+        for layer in layers {
+            out.floats(&entry(layer.name), &[height, width, 3], layer.picture.data())?;
+            manifest.layers.insert(layer.name.to_owned(), entry(layer.name));
+        }
+        annotate(manifest, note);
+        Ok(())
+    })
+}
+
+/// Puts a name and a value into the provenance.
+pub(super) fn annotate(manifest: &mut Manifest, (name, value): (&str, serde_json::Value)) {
+    if let serde_json::Value::Object(provenance) = &mut manifest.provenance {
+        provenance.insert(name.to_owned(), value);
+    }
+}
+
+/// Writes the entries of `asset` that are `kept` to `output`, then what `add` adds to them and to the manifest. Copies are
+/// checked against their hashes; `progress(done, total)` counts their bytes. Whole or not at all.
+///
+/// # Errors
+/// Entries that were damaged; folder absent or full; what `progress` and `add` return.
+pub(super) fn rewrite(
+    asset: &Asset,
+    output: &Path,
+    kept: &dyn Fn(&str) -> bool,
+    progress: &mut dyn FnMut(u64, u64) -> Result<()>,
+    add: impl FnOnce(&mut Entries<'_>, &mut Manifest) -> Result<()>,
+) -> Result<()> {
+    let mut manifest = asset.manifest().clone();
+    manifest.version = VERSION;
+    let copied: Vec<(&String, u64)> = asset
         .entries()
         .iter()
-        .filter(|(name, _)| !replaced(name))
+        .filter(|(name, _)| *name != "manifest.json" && kept(name))
         .map(|(name, range)| (name, range.end - range.start))
         .collect();
-    let total = kept.iter().map(|(_, length)| length).sum();
-    if let serde_json::Value::Object(provenance) = &mut manifest.provenance {
-        provenance.insert(note.0.to_owned(), note.1);
-    }
+    let total = copied.iter().map(|(_, length)| length).sum();
     write_whole(output, |file| {
         let mut out = Entries { zip: ManuallyDrop::new(ZipWriter::new(file)), path: output, blake3: BTreeMap::new() };
         let mut done = 0;
-        for (name, _) in &kept {
+        for (name, _) in &copied {
             copy(asset, name, &mut out, &mut |bytes| {
                 done += bytes;
                 progress(done, total)
             })?;
         }
-        for layer in layers {
-            out.floats(&entry(layer.name), &[height, width, 3], layer.picture.data())?;
-            manifest.layers.insert(layer.name.to_owned(), entry(layer.name));
-        }
+        add(&mut out, &mut manifest)?;
         manifest.blake3 = std::mem::take(&mut out.blake3);
         out.manifest(&manifest)?;
         ManuallyDrop::into_inner(out.zip).finish().map_err(|error| failed(output, error))?;

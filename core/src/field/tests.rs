@@ -76,13 +76,13 @@ fn what_was_written_is_read_back() {
             assert_eq!(asset.domain().coverage(), contents(precision, 37, 21).domain.coverage());
             let mut buffer = BlockBuffer::default();
             for (x, y, c, lamp) in [(0, 0, 0, 0), (36, 20, 2, 2), (17, 9, 1, 1), (15, 7, 0, 2), (16, 8, 2, 0)] {
-                let block = asset.dense().block(x / 16, y / 8, c, &mut buffer).unwrap();
+                let block = asset.dense().unwrap().block(x / 16, y / 8, c, &mut buffer).unwrap();
                 let at = lamp * BLOCK_PIXELS + (y % 8) * 16 + x % 16;
                 let stored = match block {
                     Block::Half(t) => t[at].to_f32(),
                     Block::Float(t) => t[at],
                 };
-                let (found, expected) = (stored * asset.dense().scale(), transport(x, y, c, lamp));
+                let (found, expected) = (stored * asset.dense().unwrap().scale(), transport(x, y, c, lamp));
                 let tolerance = if precision == Precision::Half { expected.abs() / 2048.0 } else { 0.0 };
                 assert!((found - expected).abs() <= tolerance, "{found} is not {expected}");
             }
@@ -130,9 +130,9 @@ fn halves_are_scaled_by_a_power_of_two() {
     }
     write(&path, &bright, &mut Constant(3.0e6)).unwrap();
     let asset = Asset::open(&path, Access::Mapped).unwrap();
-    assert_eq!(asset.dense().scale(), 256.0);
+    assert_eq!(asset.dense().unwrap().scale(), 256.0);
     let mut buffer = BlockBuffer::default();
-    let Block::Half(t) = asset.dense().block(0, 0, 0, &mut buffer).unwrap() else { panic!("halves") };
+    let Block::Half(t) = asset.dense().unwrap().block(0, 0, 0, &mut buffer).unwrap() else { panic!("halves") };
     assert_eq!(t[0], f16::from_f32(3.0e6 / 256.0));
     for bad in [f32::NAN, f32::INFINITY, 1e9] {
         let absent = folder.path().join("bad.rfield");
@@ -227,7 +227,8 @@ fn hostile_containers_get_a_sentence() {
         ("no manifest.json", Box::new(|name, bytes| (name.replace("manifest.json", "manifest.txt"), bytes))),
         ("no such entry", Box::new(|name, bytes| (name.replace("dense", "dens"), bytes))),
         ("no such entry", Box::new(|name, bytes| (name.replace("layers/alpha.npy", ""), bytes))),
-        ("container version 2.0", Box::new(manifest("\"version\": [\n    1,", "\"version\": [\n    2,"))),
+        ("container version 3.0", Box::new(manifest("\"version\": [\n    2,", "\"version\": [\n    3,"))),
+        ("no representation", Box::new(manifest_without_representations)),
         ("format `other`", Box::new(manifest("\"relume.rfield\"", "\"other\""))),
         ("picture of 0", Box::new(manifest("\"width\": 37", "\"width\": 0"))),
         ("picture of 18446744073709551615", Box::new(manifest("\"width\": 37", "\"width\": 18446744073709551615"))),
@@ -270,6 +271,38 @@ fn hostile_containers_get_a_sentence() {
         }
     }
     assert!(Asset::open(&rewritten(&path, |name, bytes| (name.to_owned(), bytes)), Access::Mapped).is_ok());
+}
+
+/// The manifest as JSON, changed.
+fn manifest_with(name: &str, bytes: Vec<u8>, change: impl Fn(&mut serde_json::Value)) -> (String, Vec<u8>) {
+    if name != "manifest.json" {
+        return (name.to_owned(), bytes);
+    }
+    let mut json = serde_json::from_slice(&bytes).unwrap();
+    change(&mut json);
+    (name.to_owned(), serde_json::to_vec(&json).unwrap())
+}
+
+fn manifest_without_representations(name: &str, bytes: Vec<u8>) -> (String, Vec<u8>) {
+    manifest_with(name, bytes, |json| json["representations"] = serde_json::json!([]))
+}
+
+/// Version 1 had `representation`, one.
+#[test]
+fn containers_of_version_1_are_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = written(folder.path(), Precision::Half);
+    let old = rewritten(&path, |name, bytes| {
+        manifest_with(name, bytes, |json| {
+            let one = json["representations"][0].take();
+            json.as_object_mut().unwrap().remove("representations");
+            json["representation"] = one;
+            json["version"] = serde_json::json!([1, 0]);
+        })
+    });
+    let (old, new) = (Asset::open(&old, Access::Mapped).unwrap(), Asset::open(&path, Access::Mapped).unwrap());
+    assert_eq!(old.manifest().representations, new.manifest().representations);
+    assert!(old.dense().is_some());
 }
 
 #[test]

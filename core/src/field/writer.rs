@@ -108,12 +108,12 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
                 directions: contents.domain.lamps().iter().map(|d| [d.x, d.y, d.z]).collect(),
                 irradiance: contents.irradiance.clone(),
             },
-            representation: Representation::Dense {
+            representations: vec![Representation::Dense {
                 array: "transport/dense.npy".to_owned(),
                 basis: "lamps".to_owned(),
                 precision: contents.precision,
                 scale,
-            },
+            }],
             layers,
             provenance: contents.provenance.clone(),
             blake3: std::mem::take(&mut out.blake3),
@@ -124,13 +124,18 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
     })
 }
 
-/// The power of two that brings the largest number just below [`HALF_CEILING`]; 1 for floats.
+/// The scale of the samples; 1 for floats.
 fn scale_for(contents: &Contents) -> f32 {
-    if contents.precision == Precision::Float || !(contents.largest.is_finite() && contents.largest > 0.0) {
+    if contents.precision == Precision::Float { 1.0 } else { power_of_two_for(contents.largest) }
+}
+
+/// The power of two that brings the largest number just below [`HALF_CEILING`]; 1 where there is none.
+pub(super) fn power_of_two_for(largest: f32) -> f32 {
+    if !(largest.is_finite() && largest > 0.0) {
         return 1.0;
     }
     // Kept within what a normal f32 holds.
-    ((contents.largest / HALF_CEILING).log2().ceil()).clamp(-100.0, 100.0).exp2()
+    ((largest / HALF_CEILING).log2().ceil()).clamp(-100.0, 100.0).exp2()
 }
 
 /// Scales the mean picture so that its 98th percentile shows as white.
@@ -182,7 +187,7 @@ impl Entries<'_> {
         self.blake3.insert(name.to_owned(), hasher.finalize().to_hex().to_string());
     }
 
-    fn entry(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
+    pub fn entry(&mut self, name: &str, bytes: &[u8]) -> Result<()> {
         self.start(name)?;
         let mut hasher = blake3::Hasher::new();
         self.append(bytes, &mut hasher)?;

@@ -139,8 +139,12 @@ impl Reconstruction {
         (0..red.len()).map(|n| [red[n] as f32, green[n] as f32, blue[n] as f32]).collect()
     }
 
-    /// From one sample a lamp to one coefficient a function.
-    pub(super) fn coefficients(&self, samples: &[f32]) -> Vec<f64> {
+    /// From one sample a lamp to one coefficient a function: the sites' samples themselves where functions are kernels, else
+    /// what was fitted, such as spherical harmonics by number.
+    ///
+    /// # Panics
+    /// When `samples` does not hold one number a lamp.
+    pub fn coefficients(&self, samples: &[f32]) -> Vec<f64> {
         let sites = self.to_sites(samples);
         self.fit.as_ref().map_or_else(|| sites.clone(), |fit| fit.coefficients(&sites))
     }

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Weights;
 use super::kernels::{self, Isa, Sums, TOGETHER};
 use crate::error::{Error, Result};
-use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense};
+use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Samples};
 use crate::image::{Image, Window};
 
 /// `T L` for several illuminations at once: one picture of the window's size (RGB) per set of weights. The field is
@@ -16,10 +16,20 @@ use crate::image::{Image, Window};
 ///
 /// # Errors
 /// Weights that do not fit the field, a window outside the picture, bytes that cannot be read, NaN in the field.
-pub fn apply(dense: &Dense, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
+pub fn apply(samples: Samples<'_>, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
+    match samples {
+        Samples::Dense(dense) => apply_dense(dense, weights, window),
+    }
+}
+
+/// [`apply`] for coefficient pictures of any projection.
+///
+/// # Errors
+/// As [`apply`].
+pub(super) fn apply_dense(dense: &Dense, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
     let layout = dense.layout();
-    if let Some(wrong) = weights.iter().find(|w| w.rgb.len() != layout.elements) {
-        let found = format!("{} weights", wrong.rgb.len());
+    if let Some(wrong) = weights.iter().find(|w| w.factors().len() != layout.elements) {
+        let found = format!("{} weights", wrong.factors().len());
         return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
     }
     if window.x1 > layout.width || window.y1 > layout.height {

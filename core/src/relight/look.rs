@@ -1,5 +1,6 @@
 //! What a user can turn.
 
+use crate::field::Kind;
 use crate::illumination::MapCentre;
 use crate::image::ColourSpace;
 use crate::math::Orientation;
@@ -11,7 +12,11 @@ use crate::reconstruct::{Method, Outside};
 /// and exposed; the picture, ambient included, is converted to the colours asked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Look {
-    /// How the reflectance function is filled in.
+    /// The representation to use; `None` for the best that the light allows ([`Relighter::choose`]).
+    ///
+    /// [`Relighter::choose`]: super::Relighter::choose
+    pub representation: Option<Kind>,
+    /// How the reflectance function is filled in. Wavelets were rebuilt when they were compressed.
     pub method: Method,
     /// What becomes of light outside the coverage.
     pub outside: Outside,
@@ -44,6 +49,7 @@ pub struct Look {
 impl Default for Look {
     fn default() -> Self {
         Self {
+            representation: None,
             method: Method::default(),
             outside: Outside::default(),
             centre: MapCentre::default(),

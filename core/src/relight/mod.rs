@@ -10,10 +10,12 @@
 //! | `look` | what a user can turn |
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
+//! | `choice` | which of an asset's representations is used |
 //! | `relighter` | an asset and its projections |
 //! | `layers` | pictures that no light makes: coverage, normals, albedo, ambient |
 
 mod apply;
+mod choice;
 pub mod kernels;
 mod layers;
 mod look;
@@ -21,6 +23,7 @@ mod prepare;
 mod projections;
 mod relighter;
 
+use crate::field::Kind;
 use crate::image::Conversion;
 
 pub use apply::apply;
@@ -29,34 +32,69 @@ pub use look::Look;
 pub use prepare::prepared;
 pub use relighter::{Light, Relighter, WIDEST_MAP};
 
-/// Weights of every element, RGB, for one picture: solid angle, exposure and colour of the light included.
+/// Weights of every lamp, RGB, for one picture: solid angle, exposure and colour of the light included.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Weights {
-    /// One RGB triple a lamp.
+    /// One RGB triple a lamp; a texel of the grid, for wavelets.
     pub rgb: Vec<[f32; 3]>,
+    /// The representation that they are for.
+    kind: Kind,
+    /// What its coefficients are multiplied by, where those are not of lamps: another linear map of `rgb`.
+    coefficients: Option<Vec<[f32; 3]>>,
 }
 
 impl Weights {
-    /// Zero for all.
-    pub fn dark(elements: usize) -> Self {
-        Self { rgb: vec![[0.0; 3]; elements] }
+    /// For samples at the lamps, as photographed or decoded.
+    pub fn of_lamps(rgb: Vec<[f32; 3]>) -> Self {
+        Self { rgb, kind: Kind::Dense, coefficients: None }
+    }
+
+    /// Zero for all lamps.
+    pub fn dark(lamps: usize) -> Self {
+        Self::of_lamps(vec![[0.0; 3]; lamps])
+    }
+
+    /// The representation that they are for.
+    pub fn kind(&self) -> Kind {
+        self.kind
     }
 
     /// Multiplies each channel.
     pub fn scale(&mut self, gain: [f32; 3]) {
-        self.rgb.iter_mut().for_each(|w| w.iter_mut().zip(gain).for_each(|(w, g)| *w *= g));
+        let of = |w: &mut [f32; 3]| w.iter_mut().zip(gain).for_each(|(w, g)| *w *= g);
+        self.rgb.iter_mut().chain(self.coefficients.iter_mut().flatten()).for_each(of);
+    }
+
+    /// Adds `gain` times other weights.
+    ///
+    /// # Panics
+    /// When they are for another representation, or another number of lamps.
+    pub fn add(&mut self, gain: f64, other: &Self) {
+        assert!(self.kind == other.kind && self.rgb.len() == other.rgb.len(), "weights of one representation");
+        let add = |sum: &mut [f32; 3], rgb: &[f32; 3]| {
+            (0..3).for_each(|c| sum[c] = (f64::from(sum[c]) + gain * f64::from(rgb[c])) as f32);
+        };
+        self.rgb.iter_mut().zip(&other.rgb).for_each(|(sum, rgb)| add(sum, rgb));
+        let coefficients = self.coefficients.iter_mut().flatten().zip(other.coefficients.iter().flatten());
+        coefficients.for_each(|(sum, rgb)| add(sum, rgb));
     }
 
     /// The same light in another colour space.
     pub fn convert(&mut self, conversion: &Conversion) {
         if !conversion.is_identity() {
-            self.rgb.iter_mut().for_each(|w| *w = conversion.apply(*w));
+            let of = |w: &mut [f32; 3]| *w = conversion.apply(*w);
+            self.rgb.iter_mut().chain(self.coefficients.iter_mut().flatten()).for_each(of);
         }
     }
 
-    /// One channel, element after element.
+    /// What stored numbers are multiplied by.
+    fn factors(&self) -> &[[f32; 3]] {
+        self.coefficients.as_deref().unwrap_or(&self.rgb)
+    }
+
+    /// One channel of the factors, element after element.
     fn channel(&self, c: usize, scale: f32) -> Vec<f32> {
-        self.rgb.iter().map(|rgb| rgb[c] * scale).collect()
+        self.factors().iter().map(|rgb| rgb[c] * scale).collect()
     }
 }
 

@@ -73,7 +73,7 @@ impl Projections {
 
     /// Lamps that are not in use get nothing.
     fn weights(&self, rgb: Vec<[f32; 3]>) -> Weights {
-        let Some(used) = &self.used else { return Weights { rgb } };
+        let Some(used) = &self.used else { return Weights::of_lamps(rgb) };
         let mut weights = Weights::dark(self.lamps);
         used.iter().zip(rgb).for_each(|(&n, rgb)| weights.rgb[n as usize] = rgb);
         weights

@@ -9,6 +9,7 @@ mod curve;
 pub mod lighting;
 mod table;
 
+use crate::field::Kind as FieldKind;
 use crate::illumination::MapCentre;
 use crate::image::ColourSpace;
 use crate::reconstruct::{Method, Outside};
@@ -178,6 +179,22 @@ pub const AMBIENT: Setting = Setting {
     hint: "How much of the ambient picture (seen with every lamp off) is added.",
     kind: Kind::Number { default: 0.0, hard: (0.0, 1000.0), soft: (0.0, 1.0) },
 };
+/// One of [`FieldKind::ALL`], or the best.
+pub const REPRESENTATION: Setting = Setting {
+    id: "representation",
+    label: "Representation",
+    hint: "Which form of the field is used, where the asset holds several. Automatic: samples for a captured lamp, else factored before samples. Wavelet has a reconstruction of its own; harmonics are for soft light.",
+    kind: Kind::Choice {
+        default: 0,
+        options: &[
+            ("automatic", "Automatic"),
+            (FieldKind::Dense.id(), "Samples"),
+            (FieldKind::Factored.id(), "Factored"),
+            (FieldKind::Wavelet.id(), "Wavelet"),
+            (FieldKind::Harmonics.id(), "Harmonics"),
+        ],
+    },
+};
 /// One of [`Method::ALL`].
 pub const RECONSTRUCTION: Setting = Setting {
     id: "reconstruction",
@@ -233,11 +250,17 @@ pub const RELIGHT: &[Setting] = &[
     EXPOSURE,
     TINT,
     AMBIENT,
+    REPRESENTATION,
     RECONSTRUCTION,
     OUTSIDE,
     OUTPUT,
     OUTPUT_SPACE,
 ];
+
+/// The kind of an option of [`REPRESENTATION`]; `None` is automatic.
+pub fn representation(option: usize) -> Option<FieldKind> {
+    FieldKind::ALL.get(option.checked_sub(1)?).copied()
+}
 
 /// The method of an option of [`RECONSTRUCTION`].
 pub fn method(option: usize) -> Method {

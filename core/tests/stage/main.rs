@@ -1,4 +1,5 @@
 //! What photographs tell, tried on the virtual stage, where the truth is known.
 
+mod compact;
 mod failed;
 mod surface;

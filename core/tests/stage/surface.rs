@@ -61,13 +61,13 @@ fn answers(asset: &Asset, x: usize, y: usize) -> Vec<f64> {
     let mut sums = vec![0.0; asset.domain().len()];
     for c in 0..3 {
         let mut buffer = BlockBuffer::default();
-        let block = asset.dense().block(x / 16, y / 8, c, &mut buffer).unwrap();
+        let block = asset.dense().unwrap().block(x / 16, y / 8, c, &mut buffer).unwrap();
         for (lamp, sum) in sums.iter_mut().enumerate() {
             let at = lamp * 128 + (y % 8) * 16 + x % 16;
             *sum += match block {
                 Block::Half(t) => f64::from(t[at].to_f32()),
                 Block::Float(t) => f64::from(t[at]),
-            } * f64::from(asset.dense().scale())
+            } * f64::from(asset.dense().unwrap().scale())
                 / 3.0;
         }
     }

@@ -90,9 +90,9 @@ impl Task {
         let (asset, thinned) = (&self.asset, &self.thinned);
         let mut progress = Progress::new("rebuilding reflectance functions", Unit::Steps);
         let errors =
-            relative_errors(asset.dense(), asset.domain(), thinned, &mut |done, all| progress.step(done, all))?;
+            relative_errors(asset.samples()?, asset.domain(), thinned, &mut |done, all| progress.step(done, all))?;
         let mut progress = Progress::new("telling kinds of pixels apart", Unit::Steps);
-        let traits = pixel_sets::traits(asset.dense(), asset.domain(), &mut |done, all| progress.step(done, all))?;
+        let traits = pixel_sets::traits(asset.samples()?, asset.domain(), &mut |done, all| progress.step(done, all))?;
         let found = pixel_sets::find(&traits, asset.alpha());
         let sets = pixel_sets::with_masks(found, self.masks.clone())?;
         anyhow::ensure!(
@@ -115,7 +115,7 @@ impl Task {
         drop(progress);
         let reference = whole.iter().position(|method| method.method() == REFERENCE).unwrap_or(0);
 
-        let column = Column::read(asset.dense(), self.column)?;
+        let column = Column::read(asset.samples()?, self.column)?;
         let over_time_of_all = whole
             .iter()
             .zip(&all)
@@ -154,7 +154,7 @@ impl Task {
             let map = map.reduced(SLIVER_MAP.0).into_owned().converted(&to_field);
             let size = map.image().size();
             let rgb = if size == SLIVER_MAP { of_sliver.downsample(&map) } else { operator(size).downsample(&map) };
-            let mut weights = Weights { rgb };
+            let mut weights = Weights::of_lamps(rgb);
             if let Some(kept) = kept {
                 let own = std::mem::replace(&mut weights, Weights::dark(lamps));
                 kept.iter().zip(own.rgb).for_each(|(&n, rgb)| weights.rgb[n as usize] = rgb);
@@ -187,7 +187,7 @@ impl Task {
     ) -> anyhow::Result<Vec<Vec<Vec<Summary>>>> {
         let rivals: Vec<Vec<Weights>> = own.iter().map(|projected| projected.lights(lit)).collect();
         let mut progress = Progress::new("relighting", Unit::Steps);
-        let errors = relit_errors(self.asset.dense(), &reference.lights(lit), &rivals, sets, &mut |done, all| {
+        let errors = relit_errors(self.asset.samples()?, &reference.lights(lit), &rivals, sets, &mut |done, all| {
             progress.step(done, all)
         })?;
         let of_method = |sets: &Vec<Vec<f64>>| {
@@ -208,7 +208,7 @@ impl Task {
         let mut stills = vec![Vec::new(); weights.len()];
         for light in 0..=self.environments.len() {
             let lights: Vec<&Weights> = weights.iter().map(|lights| lights[light]).collect();
-            let pictures = apply(self.asset.dense(), &lights, window)?;
+            let pictures = apply(self.asset.samples()?, &lights, window)?;
             stills.iter_mut().zip(pictures).for_each(|(stills, picture)| stills.push(self.for_display(picture)));
             crate::progress::check()?;
         }

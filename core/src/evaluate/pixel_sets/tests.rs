@@ -42,7 +42,7 @@ fn made_functions_have_the_traits_they_were_made_with() {
 fn found_sets_agree_with_the_scene() {
     let field = car();
     let asset = &field.asset;
-    let traits = traits(asset.dense(), asset.domain(), &mut |_, _| Ok(())).unwrap();
+    let traits = traits(asset.samples().unwrap(), asset.domain(), &mut |_, _| Ok(())).unwrap();
     let sets = find(&traits, asset.alpha());
     let class = |i: &u32| field.classes.class[*i as usize];
     // The share of some pixels that are of a class; pixels that show several materials have no truth.
@@ -65,7 +65,7 @@ fn found_sets_agree_with_the_scene() {
     let bare = Scene { objects: toy_car().objects[..1].to_vec() };
     let ground = photograph(&bare, grid_lamps(64, 20), Quality { samples: 16, ..quality() }, SIZE);
     let (with, without) = (field.numbers(), ground.numbers());
-    let scale = asset.dense().scale() / ground.asset.dense().scale();
+    let scale = asset.samples().unwrap().scale() / ground.asset.samples().unwrap().scale();
     let shaded = |i: u32| {
         let i = i as usize;
         // Green will do.

@@ -13,7 +13,7 @@ use crate::simulate::{Quality, demo_lamps, grid_lamps};
 /// Mean and deviation for each set and method of [`Method::ALL`].
 fn figures(field: &Field, thinned: &Thinned, sets: &[PixelSet]) -> Vec<Vec<Summary>> {
     let asset = &field.asset;
-    let errors = relative_errors(asset.dense(), asset.domain(), thinned, &mut |_, _| Ok(())).unwrap();
+    let errors = relative_errors(asset.samples().unwrap(), asset.domain(), thinned, &mut |_, _| Ok(())).unwrap();
     sets.iter().map(|set| errors.iter().map(|errors| Summary::over(errors, &set.pixels)).collect()).collect()
 }
 
@@ -23,7 +23,7 @@ fn linear_and_smooth_local_methods_beat_steps_and_harmonics() {
     let asset = &car().asset;
     let thinned = Thinned::new(asset.domain(), Keep::Share(0.25), Method::ALL).unwrap();
     assert_eq!((asset.domain().len(), thinned.subset.kept.len(), thinned.refused.len()), (1280, 320, 0));
-    let traits = traits(asset.dense(), asset.domain(), &mut |_, _| Ok(())).unwrap();
+    let traits = traits(asset.samples().unwrap(), asset.domain(), &mut |_, _| Ok(())).unwrap();
     let sets = find(&traits, asset.alpha());
     let names: Vec<&str> = sets.iter().map(|set| &set.name[..]).collect();
     assert_eq!(names, ["all", "diffuse", "glossy", "shadowed"]);
@@ -99,13 +99,15 @@ fn errors_are_those_of_the_formula() {
         seen.push((done, all));
         Ok(())
     };
-    let errors = relative_errors(asset.dense(), asset.domain(), &thinned, &mut progress).unwrap();
+    let errors = relative_errors(asset.samples().unwrap(), asset.domain(), &thinned, &mut progress).unwrap();
     assert_eq!(seen.last(), Some(&(11, 11)));
     let pictures: Vec<crate::image::Image> = (0..48)
         .map(|n| {
             let mut weights = Weights::dark(48);
             weights.rgb[n] = [1.0; 3];
-            crate::relight::apply(asset.dense(), &[&weights], crate::image::Window::full(19, 11)).unwrap().remove(0)
+            crate::relight::apply(asset.samples().unwrap(), &[&weights], crate::image::Window::full(19, 11))
+                .unwrap()
+                .remove(0)
         })
         .collect();
     for (method, errors) in thinned.methods.iter().zip(&errors) {
@@ -144,13 +146,14 @@ fn relit_errors_are_those_of_the_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let asset = random_field(folder.path(), Directions::new(demo_lamps(24)).unwrap());
     let mut rng = Pcg32::seed_from_u64(4);
-    let mut light = || Weights { rgb: (0..24).map(|_| [rng.random(), rng.random(), rng.random()]).collect() };
+    let mut light = || Weights::of_lamps((0..24).map(|_| [rng.random(), rng.random(), rng.random()]).collect());
     let (reference, rivals) = (vec![light(), light()], vec![vec![light(), light()], vec![light(), light()]]);
     let sets = [vec![0u32, 5, 200], vec![30]].map(|pixels| PixelSet { name: String::new(), from_mask: false, pixels });
     let mut progress = |_, _| Ok(());
-    let errors = super::super::relit_errors(asset.dense(), &reference, &rivals, &sets, &mut progress).unwrap();
+    let errors =
+        super::super::relit_errors(asset.samples().unwrap(), &reference, &rivals, &sets, &mut progress).unwrap();
     let window = crate::image::Window::full(19, 11);
-    let picture = |w: &Weights| crate::relight::apply(asset.dense(), &[w], window).unwrap().remove(0);
+    let picture = |w: &Weights| crate::relight::apply(asset.samples().unwrap(), &[w], window).unwrap().remove(0);
     for (m, rivals) in rivals.iter().enumerate() {
         for (s, set) in sets.iter().enumerate() {
             for (l, rival) in rivals.iter().enumerate() {

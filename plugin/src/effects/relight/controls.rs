@@ -45,6 +45,7 @@ impl Controls {
         let source = Source { params: effect.params(), time };
         let lamp = usize::try_from(source.integer(&settings::LAMP)).ok().filter(|lamp| *lamp > 0);
         let look = Look {
+            representation: settings::representation(source.choice(&settings::REPRESENTATION)),
             method: settings::method(source.choice(&settings::RECONSTRUCTION)),
             outside: settings::outside(source.choice(&settings::OUTSIDE)),
             centre: settings::map_centre(source.choice(&settings::MAP_CENTRE)),

@@ -107,7 +107,7 @@ fn parameters(params: &Params<'_>) {
             &settings::EXPOSURE,
             &settings::TINT,
         ],
-        [&settings::AMBIENT, &settings::RECONSTRUCTION, &settings::OUTSIDE],
+        [&settings::AMBIENT, &settings::REPRESENTATION, &settings::RECONSTRUCTION, &settings::OUTSIDE],
     );
     let group_of = |id: &str| {
         let within = |group: &[&Setting]| group.iter().any(|setting| setting.id == id);
