@@ -58,7 +58,7 @@ pub enum Method {
         /// 5, 15 or 25 in the thesis.
         bands: u32,
     },
-    /// The scaling functions of a wavelet; needs lamps on a grid of longitudes and latitudes (4.3.5).
+    /// The scaling functions of a wavelet, Haar, 5/3 or 9/7; needs lamps on a grid of longitudes and latitudes (4.3.5).
     Wavelet(Wavelet),
     /// Multi-level B-splines (4.3.6).
     BSpline,

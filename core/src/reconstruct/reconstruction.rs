@@ -40,7 +40,8 @@ impl Reconstruction {
     /// Builds the structure: at most about a second for some thousand lamps.
     ///
     /// # Errors
-    /// A method that needs a grid, over lamps that are not one; the message names the methods that would do.
+    /// A method that needs a grid, over lamps that are not one, and wavelets that cannot interpolate (D4, D8); the message
+    /// names what would do.
     pub fn new(domain: Arc<Directions>, method: Method) -> Result<Self> {
         let (basis, fit): (Arc<dyn Basis>, Option<Arc<dyn Fit>>) = match method {
             Method::ZeroOrder => (Arc::new(ZeroOrder::new(domain.clone())), None),
@@ -51,7 +52,7 @@ impl Reconstruction {
                 (Arc::new(Harmonics::new(bands)), Some(Arc::new(LeastSquares::new(&domain, bands))))
             }
             Method::Wavelet(wavelet) => {
-                let grid = WaveletGrid::new(domain.clone(), wavelet).ok_or_else(|| no_grid(method))?;
+                let grid = WaveletGrid::new(domain.clone(), wavelet)?.ok_or_else(|| no_grid(method))?;
                 (Arc::new(grid), None)
             }
             Method::BSpline => (Arc::new(SplineFunctions::new(&domain)), Some(Arc::new(MultiLevel::new(&domain)))),

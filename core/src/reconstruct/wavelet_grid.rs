@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use super::basis::Basis;
 use crate::domain::{Directions, LatLongGrid};
+use crate::error::Result;
 use crate::math::Vec3;
 use crate::wavelet::{Scaling, Wavelet};
 
@@ -24,10 +25,13 @@ pub(super) struct WaveletGrid {
 }
 
 impl WaveletGrid {
-    /// `None` where the lamps are no grid.
-    pub fn new(domain: Arc<Directions>, wavelet: Wavelet) -> Option<Self> {
-        let grid = LatLongGrid::find(&domain)?;
-        Some(Self { domain, grid, scaling: Scaling::new(wavelet), wavelet })
+    /// `Ok(None)` where the lamps are no grid.
+    ///
+    /// # Errors
+    /// A wavelet without a symmetric scaling function.
+    pub fn new(domain: Arc<Directions>, wavelet: Wavelet) -> Result<Option<Self>> {
+        let scaling = Scaling::new(wavelet)?;
+        Ok(LatLongGrid::find(&domain).map(|grid| Self { domain, grid, scaling, wavelet }))
     }
 }
 
@@ -58,7 +62,7 @@ impl Basis for WaveletGrid {
             Wavelet::Haar => 8,
             // As linear.
             Wavelet::LeGall53 => 4,
-            Wavelet::Daubechies97 => 2,
+            _ => 2,
         }
     }
 
