@@ -12,6 +12,7 @@ use super::harmonics::Harmonics;
 use super::manifest::{Kind, Manifest, Precision, Representation};
 use super::npy;
 use super::samples::Samples;
+use super::sparse::Sparse;
 use super::store::{Access, Scratch, Store};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
@@ -29,6 +30,7 @@ pub struct Asset {
     domain: Arc<Directions>,
     dense: Option<Dense>,
     harmonics: Option<Harmonics>,
+    sparse: Option<Sparse>,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
     normals: Option<Picture>,
@@ -53,7 +55,7 @@ impl Asset {
         let store = Arc::new(Store::open(path, access)?);
         let open = Opening { store: &store, entries: &entries, place: &place };
         let (w, h) = (manifest.width, manifest.height);
-        let (mut dense, mut harmonics) = (None, None);
+        let (mut dense, mut harmonics, mut sparse) = (None, None, None);
         for representation in &manifest.representations {
             if let Some(loss) = representation.loss() {
                 open.array(&loss.errors, Precision::Half.descr(), &[h, w], Precision::Half.bytes())?;
@@ -67,7 +69,8 @@ impl Asset {
                     let layout = Layout { width: w, height: h, elements: *functions };
                     harmonics = Some(Harmonics::new(open.dense(array, layout, Precision::Half, *scale)?, &domain));
                 }
-                Representation::Factored { .. } | Representation::Wavelet { .. } => {
+                Representation::Wavelet { .. } => sparse = Sparse::open(&open, &domain, (w, h), representation)?,
+                Representation::Factored { .. } => {
                     return Err(Error::Unsupported {
                         place,
                         what: format!("representation `{}`", representation.kind().id()),
@@ -96,6 +99,7 @@ impl Asset {
             domain: Arc::new(domain),
             dense,
             harmonics,
+            sparse,
             ambient,
             alpha,
             normals,
@@ -148,6 +152,11 @@ impl Asset {
     /// The spherical harmonics, if the asset holds them.
     pub fn harmonics(&self) -> Option<&Harmonics> {
         self.harmonics.as_ref()
+    }
+
+    /// The wavelet coefficients, if the asset holds them.
+    pub fn sparse(&self) -> Option<&Sparse> {
+        self.sparse.as_ref()
     }
 
     /// The samples at the lamps, as photographed or decoded.
@@ -325,9 +334,9 @@ fn floats(store: &Store, range: &Range<u64>, place: &str) -> Result<Vec<f32>> {
 
 /// What opening an array needs.
 pub(super) struct Opening<'a> {
-    store: &'a Arc<Store>,
+    pub store: &'a Arc<Store>,
     entries: &'a Entries,
-    place: &'a str,
+    pub place: &'a str,
 }
 
 impl Opening<'_> {

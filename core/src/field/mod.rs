@@ -22,6 +22,7 @@
 //! | `store` | how bytes arrive: mapped or read |
 //! | `dense` | one coefficient picture per element |
 //! | `harmonics` | coefficient pictures of spherical harmonics |
+//! | `sparse` | wavelet coefficients of each pixel |
 //! | `samples` | the samples at the lamps, as photographed or decoded |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
@@ -38,6 +39,7 @@ mod mapping;
 mod npy;
 mod rewrite;
 mod samples;
+mod sparse;
 mod store;
 mod writer;
 
@@ -47,6 +49,7 @@ pub use harmonics::Harmonics;
 pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
 pub use rewrite::{NewLayer, add_layers};
 pub use samples::Samples;
+pub use sparse::{Sparse, TermBuffer, Terms};
 pub use store::Access;
 pub use writer::{Bands, Contents, write};
 

@@ -1,9 +1,8 @@
 //! The loop over blocks.
 
-use rayon::prelude::*;
-
 use super::Weights;
 use super::kernels::{self, Isa, Sums, TOGETHER};
+use super::strips::{by_rows, rows_of};
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Samples};
 use crate::image::{Image, Window};
@@ -32,39 +31,8 @@ pub(super) fn apply_dense(dense: &Dense, weights: &[&Weights], window: Window) -
         let found = format!("{} weights", wrong.factors().len());
         return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
     }
-    if window.x1 > layout.width || window.y1 > layout.height {
-        let expected = format!("one inside {} x {}", layout.width, layout.height);
-        return Err(Error::invalid("window", format!("{window:?}"), expected));
-    }
-    let mut pictures: Vec<Image> = weights.iter().map(|_| Image::new(window.width(), window.height(), 3)).collect();
-    if window.is_empty() || weights.is_empty() {
-        return Ok(pictures);
-    }
     let stream = Stream { dense, weights: prepare(dense, weights), window, isa: Isa::detect() };
-    // Each row of blocks owns its rows of every picture.
-    let (_, rows) = layout.blocks(window);
-    let mut strips: Vec<(usize, Vec<&mut [f32]>)> = rows.map(|by| (by, Vec::new())).collect();
-    for picture in &mut pictures {
-        let mut rest = picture.data_mut();
-        for (by, strip) in &mut strips {
-            let height = stream.rows_of(*by).len();
-            let (own, after) = rest.split_at_mut(height * window.width() * 3);
-            strip.push(own);
-            rest = after;
-        }
-    }
-    strips.into_par_iter().try_for_each(|(by, mut strip)| stream.row(by, &mut strip))?;
-    // One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
-    if let Some(bad) = pictures.iter().find_map(|p| p.data().iter().position(|v| !v.is_finite()).map(|at| at / 3)) {
-        let (x, y) = (window.x0 + bad % window.width(), window.y0 + bad / window.width());
-        let place = format!("{}, pixel ({x}, {y})", dense.path().display());
-        return Err(Error::invalid(
-            place,
-            "a number that is not finite",
-            "finite transport (`relume verify` tells whether the file was damaged)",
-        ));
-    }
-    Ok(pictures)
+    by_rows(layout, dense.path(), weights.len(), window, |by, strips| stream.row(by, strips))
 }
 
 /// For each channel, each illumination's weights, the field's scale included.
@@ -81,11 +49,6 @@ struct Stream<'a> {
 }
 
 impl Stream<'_> {
-    /// Rows of the picture that row `by` of blocks has inside the window.
-    fn rows_of(&self, by: usize) -> std::ops::Range<usize> {
-        (by * BLOCK_HEIGHT).max(self.window.y0)..((by + 1) * BLOCK_HEIGHT).min(self.window.y1)
-    }
-
     /// One row of blocks into one strip a picture.
     fn row(&self, by: usize, strips: &mut [&mut [f32]]) -> Result<()> {
         let (columns, _) = self.dense.layout().blocks(self.window);
@@ -130,7 +93,7 @@ impl Stream<'_> {
     /// Puts a block's sums where the window has them.
     fn scatter(&self, sums: &Sums, bx: usize, by: usize, c: usize, strip: &mut [f32]) {
         const _: () = assert!(BLOCK_PIXELS == BLOCK_WIDTH * BLOCK_HEIGHT);
-        let rows = self.rows_of(by);
+        let rows = rows_of(by, self.window);
         let columns = (bx * BLOCK_WIDTH).max(self.window.x0)..((bx + 1) * BLOCK_WIDTH).min(self.window.x1);
         for y in rows.clone() {
             let line = &mut strip[(y - rows.start) * self.window.width() * 3..][..self.window.width() * 3];
