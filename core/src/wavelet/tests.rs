@@ -5,6 +5,8 @@ use super::*;
 const EDGES: [Edge; 2] = [Edge::Cyclic, Edge::Mirrored];
 const NORMALISATIONS: [Normalisation; 2] = [Normalisation::Energy, Normalisation::Amplitude];
 
+type Operator<'a> = &'a dyn Fn(&mut [f32], usize);
+
 /// Every transform of a size that there is.
 fn all(size: (usize, usize)) -> impl Iterator<Item = Transform> {
     let edges = EDGES.iter().flat_map(|x| EDGES.iter().map(move |y| (*x, *y)));
@@ -105,7 +107,7 @@ proptest! {
         let choices: Vec<Transform> = all((width, height)).collect();
         let transform = &choices[pick % choices.len()];
         let data = noise(width * height * lanes, 5);
-        let operators: [&dyn Fn(&mut [f32], usize); 4] = [
+        let operators: [Operator<'_>; 4] = [
             &|data, lanes| transform.forward(data, lanes),
             &|data, lanes| transform.inverse(data, lanes),
             &|data, lanes| transform.forward_adjoint(data, lanes),
