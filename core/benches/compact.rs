@@ -45,11 +45,7 @@ fn factored(error: f64) -> Candidate {
 }
 
 fn harmonics(functions: usize) -> Candidate {
-    Candidate {
-        name: format!("harmonics {functions}"),
-        kind: Kind::Harmonics,
-        scheme: Scheme::Harmonics { functions },
-    }
+    Candidate { name: format!("harmonics {functions}"), kind: Kind::Harmonics, scheme: Scheme::Harmonics { functions } }
 }
 
 fn main() -> Result<()> {
@@ -132,7 +128,15 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
     println!("\n{name}: {} lamps, {w} x {h}, {:.1} MB", dense.asset().domain().len(), bytes as f64 / 1e6);
     println!(
         "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7}",
-        "", "smaller", "error", "made in", "relit", MAPS.join(", "), "samples", "it", "faster"
+        "",
+        "smaller",
+        "error",
+        "made in",
+        "relit",
+        MAPS.join(", "),
+        "samples",
+        "it",
+        "faster"
     );
     for candidate in candidates {
         let path = source.with_extension("compact.rfield");
@@ -223,10 +227,8 @@ fn keep(folder: &Path, stem: &str, picture: &Image, reference: &Image) -> Result
 /// Seconds to relight a frame once its weights are there: by the samples, and by the compact form.
 fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<(f64, f64)> {
     let look = Look::default();
-    let both: [(&Relighter, Weights); 2] = [
-        (dense, dense.weights(Light::Map(map), &look)?),
-        (compact, compact.weights(Light::Map(map), &look)?),
-    ];
+    let both: [(&Relighter, Weights); 2] =
+        [(dense, dense.weights(Light::Map(map), &look)?), (compact, compact.weights(Light::Map(map), &look)?)];
     let mut times = [Vec::new(), Vec::new()];
     for run in 0..=RUNS {
         for ((relighter, weights), times) in both.iter().zip(&mut times) {

@@ -28,7 +28,8 @@ fn set() -> (Set, PathBuf) {
 fn a_factored_field_is_small_and_is_what_lights() {
     let (set, field) = set();
     let both = set.out().join("both.rfield");
-    let line = succeed(tool(&["compress", "--factored", "--error", "0.01", "--keep", "dense", "-o"]).arg(&both).arg(&field));
+    let line =
+        succeed(tool(&["compress", "--factored", "--error", "0.01", "--keep", "dense", "-o"]).arg(&both).arg(&field));
     assert!(line.contains("factored") && line.contains("of half samples") && line.contains("1.000 % asked"), "{line}");
     let told = info(&both);
     let of = |kind: &str| {

@@ -6,7 +6,7 @@ use super::{Axis, Directions};
 use crate::math::Vec3;
 
 /// Lamps that miss the grid by less than this are on it: 0.2 degrees, what a turntable and six decimals leave.
-const TOLERANCE_RAD: f64 = 3.5e-3;
+pub(super) const TOLERANCE_RAD: f64 = 3.5e-3;
 /// Fewer longitudes than this are no ring.
 const FEWEST_LONGITUDES: usize = 4;
 

@@ -10,17 +10,12 @@
 
 use std::sync::Arc;
 
-use nalgebra::{DMatrix, DMatrixView};
-
 use super::blocks::{Channels, Progress, map_pixels};
 use super::subset::{Keep, Subset};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_PIXELS, Samples};
-use crate::reconstruct::{Method, Reconstruction};
-
-/// Above this density a plain matrix product is faster than skipping zeros (measured: about 10 times as fast a number).
-const DENSE_FROM: f64 = 0.1;
+use crate::reconstruct::{Method, Reconstruction, Resampling};
 
 /// A thinned set of lamps, and the methods that can rebuild it.
 #[derive(Debug, Clone)]
@@ -73,55 +68,6 @@ pub fn build(
     }
 }
 
-/// `U` at all lamps: what a method makes of one sample a kept lamp (eq. 4.6, at the places of the reference).
-#[derive(Debug, Clone)]
-enum Upsampling {
-    /// For each lamp the kept ones that it takes from, with their shares.
-    Sparse(Vec<Vec<(u32, f32)>>),
-    /// Kept lamps x all lamps.
-    Dense(DMatrix<f32>),
-}
-
-impl Upsampling {
-    fn new(reconstruction: &Reconstruction, whole: &Directions) -> Self {
-        let kept = reconstruction.domain().len();
-        let rows: Vec<Vec<(u32, f32)>> = whole
-            .lamps()
-            .iter()
-            .map(|lamp| reconstruction.at(lamp).into_iter().map(|(n, share)| (n, share as f32)).collect())
-            .collect();
-        let shares: usize = rows.iter().map(Vec::len).sum();
-        if (shares as f64) < DENSE_FROM * (kept * rows.len()) as f64 {
-            return Self::Sparse(rows);
-        }
-        let mut matrix = DMatrix::zeros(kept, rows.len());
-        for (j, row) in rows.iter().enumerate() {
-            row.iter().for_each(|&(n, share)| matrix[(n as usize, j)] = share);
-        }
-        Self::Dense(matrix)
-    }
-
-    /// From `[kept lamp][pixel]` to `[lamp][pixel]`, both of 128 pixels.
-    fn apply(&self, samples: &[f32], out: &mut DMatrix<f32>) {
-        match self {
-            // Pixels lie in columns, lamp after lamp, as nalgebra's matrices do.
-            Self::Dense(matrix) => {
-                let samples = DMatrixView::from_slice(samples, BLOCK_PIXELS, matrix.nrows());
-                out.gemm(1.0, &samples, matrix, 0.0);
-            }
-            Self::Sparse(rows) => {
-                out.fill(0.0);
-                for (row, out) in rows.iter().zip(out.as_mut_slice().chunks_exact_mut(BLOCK_PIXELS)) {
-                    for &(n, share) in row {
-                        let sample = &samples[n as usize * BLOCK_PIXELS..][..BLOCK_PIXELS];
-                        out.iter_mut().zip(sample).for_each(|(out, sample)| *out += share * sample);
-                    }
-                }
-            }
-        }
-    }
-}
-
 /// `e_i` of every pixel: one plane of width x height for each of [`Thinned::methods`], row 0 at the top. One pass over the
 /// field for all methods. Cost: lamps x kept lamps multiplications a pixel, channel and dense method.
 ///
@@ -137,16 +83,18 @@ pub fn relative_errors(
         let found = format!("{} lamps", whole.len());
         return Err(Error::invalid("lamps", found, format!("{}, as the field has", samples.layout().elements)));
     }
-    let upsamplings: Vec<Upsampling> = thinned.methods.iter().map(|method| Upsampling::new(method, whole)).collect();
+    // `U` at all lamps: what a method makes of one sample a kept lamp (eq. 4.6, at the places of the reference).
+    let upsamplings: Vec<Resampling> =
+        thinned.methods.iter().map(|method| Resampling::new(method, whole.lamps())).collect();
     let work = |channels: &Channels| block_errors(channels, &thinned.subset.kept, &upsamplings, whole.len());
     map_pixels(samples, upsamplings.len(), work, progress)
 }
 
 /// `e_i` of one block: `[method][8][16]`.
-fn block_errors(channels: &Channels, kept: &[u32], upsamplings: &[Upsampling], lamps: usize) -> Vec<f32> {
+fn block_errors(channels: &Channels, kept: &[u32], upsamplings: &[Resampling], lamps: usize) -> Vec<f32> {
     let mut errors = vec![0.0f64; upsamplings.len() * BLOCK_PIXELS];
     let mut energies = [0.0f64; BLOCK_PIXELS];
-    let mut rebuilt = DMatrix::zeros(BLOCK_PIXELS, lamps);
+    let mut rebuilt = vec![0.0; BLOCK_PIXELS * lamps];
     for reference in channels {
         for lamp in reference.chunks_exact(BLOCK_PIXELS) {
             energies.iter_mut().zip(lamp).for_each(|(sum, t)| *sum += f64::from(t * t));
@@ -155,7 +103,7 @@ fn block_errors(channels: &Channels, kept: &[u32], upsamplings: &[Upsampling], l
         let samples: Vec<f32> = kept.iter().flat_map(of).copied().collect();
         for (upsampling, errors) in upsamplings.iter().zip(errors.chunks_exact_mut(BLOCK_PIXELS)) {
             upsampling.apply(&samples, &mut rebuilt);
-            let lamps = rebuilt.as_slice().chunks_exact(BLOCK_PIXELS).zip(reference.chunks_exact(BLOCK_PIXELS));
+            let lamps = rebuilt.chunks_exact(BLOCK_PIXELS).zip(reference.chunks_exact(BLOCK_PIXELS));
             for (rebuilt, reference) in lamps {
                 for ((sum, u), t) in errors.iter_mut().zip(rebuilt).zip(reference) {
                     *sum += f64::from((u - t) * (u - t));

@@ -13,6 +13,7 @@ use super::harmonics::Harmonics;
 use super::manifest::{Kind, Manifest, Precision, Representation};
 use super::npy;
 use super::samples::Samples;
+use super::sparse::Sparse;
 use super::store::{Access, Scratch, Store};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
@@ -31,6 +32,7 @@ pub struct Asset {
     dense: Option<Dense>,
     harmonics: Option<Harmonics>,
     factored: Option<Factored>,
+    sparse: Option<Sparse>,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
     normals: Option<Picture>,
@@ -55,7 +57,7 @@ impl Asset {
         let store = Arc::new(Store::open(path, access)?);
         let open = Opening { store: &store, entries: &entries, place: &place };
         let (w, h) = (manifest.width, manifest.height);
-        let (mut dense, mut harmonics, mut factored) = (None, None, None);
+        let (mut dense, mut harmonics, mut factored, mut sparse) = (None, None, None, None);
         for representation in &manifest.representations {
             if let Some(loss) = representation.loss() {
                 open.array(&loss.errors, Precision::Half.descr(), &[h, w], Precision::Half.bytes())?;
@@ -74,13 +76,7 @@ impl Asset {
                     let described = Described { layout, tile: *tile, ranks, left, right, scale: *scale };
                     factored = Some(Factored::open(&open, &store, &described)?);
                 }
-                Representation::Wavelet { .. } => {
-                    return Err(Error::Unsupported {
-                        place,
-                        what: format!("representation `{}`", representation.kind().id()),
-                        advice: "use a newer Relume".to_owned(),
-                    });
-                }
+                Representation::Wavelet { .. } => sparse = Sparse::open(&open, &domain, (w, h), representation)?,
             }
         }
         let layer = |name: &str, shape: &[usize]| -> Result<Option<Vec<f32>>> {
@@ -104,6 +100,7 @@ impl Asset {
             dense,
             harmonics,
             factored,
+            sparse,
             ambient,
             alpha,
             normals,
@@ -161,6 +158,11 @@ impl Asset {
     /// The factored field, if the asset holds one.
     pub fn factored(&self) -> Option<&Factored> {
         self.factored.as_ref()
+    }
+
+    /// The wavelet coefficients, if the asset holds them.
+    pub fn sparse(&self) -> Option<&Sparse> {
+        self.sparse.as_ref()
     }
 
     /// The samples at the lamps, as photographed or decoded.
@@ -341,9 +343,9 @@ fn floats(store: &Store, range: &Range<u64>, place: &str) -> Result<Vec<f32>> {
 
 /// What opening an array needs.
 pub(super) struct Opening<'a> {
-    store: &'a Arc<Store>,
+    pub store: &'a Arc<Store>,
     entries: &'a Entries,
-    place: &'a str,
+    pub place: &'a str,
 }
 
 impl Opening<'_> {

@@ -120,8 +120,9 @@ impl Factored {
         let ranks: Vec<u32> = bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
         let (left, right) = lengths(&tiles, &ranks, &opening.at(described.ranks))?;
         let halves = |entry: &str, numbers: u64| {
-            let shape = usize::try_from(numbers)
-                .map_err(|_| Error::invalid(opening.at(entry), format!("{numbers} numbers"), "what memory can address"))?;
+            let shape = usize::try_from(numbers).map_err(|_| {
+                Error::invalid(opening.at(entry), format!("{numbers} numbers"), "what memory can address")
+            })?;
             Ok::<u64, Error>(opening.array(entry, Precision::Half.descr(), &[shape], Precision::Half.bytes())?.start)
         };
         let mut at = (halves(described.left, left)?, halves(described.right, right)?);

@@ -23,6 +23,7 @@
 //! | `dense` | one coefficient picture per element |
 //! | `harmonics` | coefficient pictures of spherical harmonics |
 //! | `factored` | tiles of low rank |
+//! | `sparse` | wavelet coefficients of each pixel |
 //! | `samples` | the samples at the lamps, as photographed or decoded |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
@@ -40,6 +41,7 @@ mod mapping;
 mod npy;
 mod rewrite;
 mod samples;
+mod sparse;
 mod store;
 mod writer;
 
@@ -50,6 +52,7 @@ pub use harmonics::Harmonics;
 pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
 pub use rewrite::{NewLayer, add_layers};
 pub use samples::Samples;
+pub use sparse::{Sparse, TermBuffer, Terms};
 pub use store::Access;
 pub use writer::{Bands, Contents, write};
 

@@ -83,8 +83,7 @@ pub fn low_rank(matrix: &DMatrix<f32>, bound: f64, seed: u64) -> Result<LowRank>
         return Ok(LowRank { left, right, residual: energy });
     }
     let bound = bound.max(FLOOR * energy);
-    let subspace =
-        if rows.min(columns) <= EXACT_SIDE { exact(matrix, bound) } else { search(matrix, bound, seed) };
+    let subspace = if rows.min(columns) <= EXACT_SIDE { exact(matrix, bound) } else { search(matrix, bound, seed) };
     let (rank, residual) = subspace.cut(bound);
     let right = subspace.right.columns(0, rank).into_owned();
     let left = matrix * &right;
@@ -252,7 +251,11 @@ mod tests {
         let energy = squared(matrix);
         let rest = squared(&(matrix - left * right.transpose()));
         assert!(rest <= bound * 1.000_01 + 4.0 * FLOOR * energy, "{rest} is beyond {bound}");
-        assert!((rest - factors.residual).abs() <= 1e-5 * rest + 4.0 * FLOOR * energy, "{rest}, not {}", factors.residual);
+        assert!(
+            (rest - factors.residual).abs() <= 1e-5 * rest + 4.0 * FLOOR * energy,
+            "{rest}, not {}",
+            factors.residual
+        );
         let product: DMatrix<f64> = gram(right);
         assert!((product - DMatrix::identity(rank, rank)).amax() < 2e-6, "rows of R are not orthonormal");
         let lengths: Vec<f32> = left.column_iter().map(|c| c.norm()).collect();

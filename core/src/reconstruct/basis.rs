@@ -36,6 +36,13 @@ pub(super) trait Fit: Debug + Send + Sync {
     /// `F t`: from one sample a site to one coefficient a function.
     fn coefficients(&self, samples: &[f64]) -> Vec<f64>;
 
+    /// `F t` of many functions side by side: from `[site][lane]` to `[function][lane]`.
+    fn coefficients_of_lanes(&self, samples: &[f32], lanes: usize) -> Vec<f32>;
+
+    /// Multiplications that [`Fit::coefficients_of_lanes`] takes a lane, about; one within a matrix product counts as
+    /// [`DENSE_SHARE`](super::resampling::DENSE_SHARE).
+    fn cost(&self) -> usize;
+
     /// `F^T m`: from one number a function to one a site.
     fn adjoint(&self, moments: &[f64]) -> Vec<f64>;
 }

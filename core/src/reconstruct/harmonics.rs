@@ -8,11 +8,12 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DMatrixView, DVector};
 use rayon::prelude::*;
 
 use super::Outside;
 use super::basis::{Basis, Fit};
+use super::resampling::DENSE_SHARE;
 use super::sparse::Sparse;
 use super::texels::Texels;
 use super::zero_order::ZeroOrder;
@@ -98,6 +99,15 @@ impl LeastSquares {
 impl Fit for LeastSquares {
     fn coefficients(&self, samples: &[f64]) -> Vec<f64> {
         (&self.matrix * DVector::from_column_slice(samples)).data.into()
+    }
+
+    fn coefficients_of_lanes(&self, samples: &[f32], lanes: usize) -> Vec<f32> {
+        let samples = DMatrixView::from_slice(samples, lanes, self.matrix.ncols());
+        (samples * self.matrix.map(|number| number as f32).transpose()).data.into()
+    }
+
+    fn cost(&self) -> usize {
+        (self.matrix.len() as f64 * DENSE_SHARE) as usize
     }
 
     fn adjoint(&self, moments: &[f64]) -> Vec<f64> {

@@ -17,6 +17,30 @@ const SIDE: usize = CELLS + 3;
 /// Control points of the last level.
 pub(super) const CONTROLS: usize = SIDE * SIDE;
 
+/// Several functions side by side: as many as fill a cache line.
+pub(super) type Lanes = [f32; LANES];
+/// How many functions are fitted side by side.
+pub(super) const LANES: usize = 16;
+
+/// What a lattice is fitted to: the samples of one function, or of [`LANES`] of them.
+pub(super) trait Datum: Copy + Default {
+    /// `self += weight x other`.
+    fn add(&mut self, weight: f64, other: &Self);
+}
+
+impl Datum for f64 {
+    fn add(&mut self, weight: f64, other: &Self) {
+        *self += weight * other;
+    }
+}
+
+impl Datum for Lanes {
+    fn add(&mut self, weight: f64, other: &Self) {
+        let weight = weight as f32;
+        self.iter_mut().zip(other).for_each(|(sum, lane)| *sum += weight * lane);
+    }
+}
+
 /// Values of the four cubic B-splines over a cell at `s` in 0 to 1.
 fn cubic(s: f64) -> [f64; 4] {
     let r = 1.0 - s;
@@ -67,14 +91,22 @@ impl Level {
     }
 
     /// One step of the approximation: control points from data.
-    fn fit(&self, data: &[f64]) -> Vec<f64> {
-        let mut controls = vec![0.0; self.controls()];
+    fn fit<T: Datum>(&self, data: &[T]) -> Vec<T> {
+        let mut controls = vec![T::default(); self.controls()];
         for (support, z) in self.data.iter().zip(data) {
-            let z = z / squares(support);
-            support.iter().for_each(|(n, w)| controls[*n as usize] += w * w * w * z);
+            let share = 1.0 / squares(support);
+            support.iter().for_each(|&(n, w)| {
+                controls[n as usize].add(w * w * w * share * self.inverse[n as usize], z);
+            });
         }
-        controls.iter_mut().zip(&self.inverse).for_each(|(c, inverse)| *c *= inverse);
         controls
+    }
+
+    /// Takes the spline's values away from the data.
+    fn subtract<T: Datum>(&self, controls: &[T], data: &mut [T]) {
+        for (support, z) in self.data.iter().zip(data) {
+            support.iter().for_each(|&(n, w)| z.add(-w, &controls[n as usize]));
+        }
     }
 
     fn fit_transposed(&self, controls: &[f64]) -> Vec<f64> {
@@ -84,11 +116,6 @@ impl Level {
             sum / squares(support)
         };
         self.data.iter().map(datum).collect()
-    }
-
-    /// The spline at the data.
-    fn values(&self, controls: &[f64]) -> Vec<f64> {
-        self.data.iter().map(|support| support.iter().map(|&(n, w)| w * controls[n as usize]).sum()).collect()
     }
 
     fn values_transposed(&self, data: &[f64]) -> Vec<f64> {
@@ -117,15 +144,27 @@ impl Lattices {
     }
 
     /// Control points of the last level from data.
-    pub fn fit(&self, data: &[f64]) -> Vec<f64> {
+    pub fn fit<T: Datum>(&self, data: &[T]) -> Vec<T> {
         let mut left = data.to_vec();
-        let mut sum = Vec::new();
+        let mut sum: Vec<T> = Vec::new();
         for level in &self.levels {
-            let controls = level.fit(&left);
-            left.iter_mut().zip(level.values(&controls)).for_each(|(left, met)| *left -= met);
-            sum = if sum.is_empty() { controls } else { added(refined(&sum, level.cells / 2), &controls) };
+            let mut controls = level.fit(&left);
+            // What is left after the last level is nobody's.
+            if level.cells < CELLS {
+                level.subtract(&controls, &mut left);
+            }
+            if level.cells > FIRST_CELLS {
+                add_refined(&sum, level.cells / 2, &mut controls);
+            }
+            sum = controls;
         }
         sum
+    }
+
+    /// Multiplications that [`Lattices::fit`] takes, about.
+    pub fn cost(&self) -> usize {
+        // Into the control points and back out of them; then a refinement of some 6 old points a new one.
+        self.levels.iter().map(|level| 2 * 16 * level.data.len() + 6 * level.controls()).sum()
     }
 
     /// The transpose of [`Lattices::fit`].
@@ -168,14 +207,16 @@ fn halves(new: usize) -> [(usize, f64); 3] {
     }
 }
 
-/// The same spline on a lattice of twice as many cells.
-fn refined(controls: &[f64], cells: usize) -> Vec<f64> {
+/// Adds the same spline on a lattice of twice as many cells to control points there.
+fn add_refined<T: Datum>(controls: &[T], cells: usize, sums: &mut [T]) {
     let (old, new) = (cells + 3, 2 * cells + 3);
-    let at = |i: usize, j: usize| -> f64 {
-        let along = |row: usize| halves(i).iter().map(|(n, w)| w * controls[row * old + n]).sum::<f64>();
-        halves(j).iter().filter(|(_, w)| *w != 0.0).map(|(n, w)| w * along(*n)).sum()
-    };
-    (0..new * new).map(|k| at(k % new, k / new)).collect()
+    for (k, sum) in sums.iter_mut().enumerate() {
+        for (row, across) in halves(k / new) {
+            for (column, along) in halves(k % new).into_iter().filter(|(_, along)| across * along != 0.0) {
+                sum.add(across * along, &controls[row * old + column]);
+            }
+        }
+    }
 }
 
 fn refined_transposed(controls: &[f64], cells: usize) -> Vec<f64> {
@@ -206,7 +247,8 @@ mod tests {
     fn refining_leaves_the_spline_as_it_is() {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(1);
         let controls: Vec<f64> = (0..7 * 7).map(|_| rng.random_range(-1.0..1.0)).collect();
-        let finer = refined(&controls, 4);
+        let mut finer = vec![0.0; 11 * 11];
+        add_refined(&controls, 4, &mut finer);
         let value = |controls: &[f64], cells: usize, place: [f64; 2]| -> f64 {
             support(place, cells).iter().map(|(n, w)| w * controls[*n as usize]).sum()
         };
@@ -225,6 +267,21 @@ mod tests {
         let left: f64 = lattices.fit(&data).iter().zip(&controls).map(|(a, b)| a * b).sum();
         let right: f64 = data.iter().zip(lattices.fit_transposed(&controls)).map(|(a, b)| a * b).sum();
         assert!((left - right).abs() < 1e-10 * left.abs().max(1.0), "{left} is not {right}");
+    }
+
+    #[test]
+    fn lanes_are_fitted_as_one_function_alone() {
+        let places = places(90);
+        let lattices = Lattices::new(&places);
+        let datum = |p: &[f64; 2], lane: usize| (3.0 * p[0] + lane as f64).sin() + p[1];
+        let data: Vec<Lanes> = places.iter().map(|p| std::array::from_fn(|lane| datum(p, lane) as f32)).collect();
+        let together = lattices.fit(&data);
+        for lane in [0, 7, LANES - 1] {
+            let data: Vec<f64> = places.iter().map(|p| datum(p, lane)).collect();
+            for (alone, lanes) in lattices.fit(&data).iter().zip(&together) {
+                assert!((alone - f64::from(lanes[lane])).abs() < 1e-5, "{alone}, not {}", lanes[lane]);
+            }
+        }
     }
 
     /// Levels meet the data ever better; sparse data are met to rounding once each has its own control points.

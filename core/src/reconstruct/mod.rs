@@ -19,6 +19,7 @@
 //! | `reconstruction` | a method over one set of lamps |
 //! | `texels`, `sparse` | functions integrated over the texels of a map |
 //! | `operator` | both together: `downsample` and `upsample` |
+//! | `resampling` | many functions rebuilt at once, at the same directions |
 
 mod basis;
 mod delaunay;
@@ -29,6 +30,7 @@ mod lattice;
 mod linear;
 mod operator;
 mod reconstruction;
+mod resampling;
 mod sparse;
 mod spline;
 mod texels;
@@ -37,6 +39,7 @@ mod zero_order;
 
 pub use operator::Operator;
 pub use reconstruction::Reconstruction;
+pub use resampling::Resampling;
 
 use crate::wavelet::Wavelet;
 

@@ -74,14 +74,22 @@ impl Reconstruction {
         &*self.basis
     }
 
+    pub(super) fn fit(&self) -> Option<&Arc<dyn Fit>> {
+        self.fit.as_ref()
+    }
+
     /// `U_j(w)` of the lamps j where it is not zero: (lamp, share), lamps ascending. Shares sum to one; some are negative
     /// for methods that are not convex. The coverage is not looked at.
     pub fn at(&self, direction: &Vec3) -> Vec<(u32, f64)> {
         let mut values = Vec::new();
         self.basis.at(direction, &mut values);
-        let sites = self.sites_of(&self.gathered(&values));
-        let shares = self.to_lamps(&sites);
+        let shares = self.to_lamps(&self.shares_of_sites(&values));
         (0..).zip(shares).filter(|entry| entry.1 != 0.0).collect()
+    }
+
+    /// For each site its share of a direction, where the functions have `values`.
+    pub(super) fn shares_of_sites(&self, values: &[(u32, f64)]) -> Vec<f64> {
+        self.sites_of(&self.gathered(values))
     }
 
     /// The reconstructed function at some directions, from one sample a lamp. Lamps at one place count by their mean.

@@ -300,6 +300,36 @@ fn shares_values_beams_and_operators_agree() {
     }
 }
 
+/// Many functions at once, at many directions and at few, on grids, scattered sets and one with duplicates: as each alone.
+#[test]
+fn resampled_functions_are_the_reconstructed_ones() {
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(41);
+    let mut sets: Vec<_> = sets().into_iter().filter(|s| ["dome", "sphere", "duplicates"].contains(&s.0)).collect();
+    sets.push(("thesis", thesis_grid()));
+    let all: Vec<Vec3> = (0..1500).map(|_| random_direction(&mut rng)).collect();
+    for (name, set) in sets {
+        for method in methods(&set) {
+            let reconstruction = reconstruction(&set, method);
+            for (lanes, count) in [(20, 1500), (1, 30)] {
+                let resampling = Resampling::new(&reconstruction, &all[..count]);
+                let samples: Vec<f32> = (0..set.len() * lanes).map(|_| rng.random_range(0.0..1.0)).collect();
+                let mut out = vec![9.0; count * lanes];
+                resampling.apply(&samples, &mut out);
+                for lane in [0, lanes / 2, lanes - 1] {
+                    let own: Vec<f32> = samples[lane..].iter().step_by(lanes).copied().collect();
+                    let expected = reconstruction.values(&own, &all[..count]);
+                    let scale = expected.iter().fold(0.0, |a: f32, v| a.max(v.abs()));
+                    for (n, expected) in expected.iter().enumerate() {
+                        let found = out[n * lanes + lane];
+                        let off = (found - expected).abs();
+                        assert!(off <= 1e-4 * scale, "{name}, {method:?}, lane {lane}: {found}, not {expected}");
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// A map as beams, `n` x `n` a texel.
 fn beams(map: &EnvMap, n: usize) -> Vec<Beam> {
     let (w, h) = map.image().size();

@@ -1,11 +1,10 @@
 //! The loop over blocks.
 
-use rayon::prelude::*;
-
 use super::Weights;
 use super::factored::apply_factored;
 use super::kernels::{self, Isa, Sums, TOGETHER};
-use crate::error::{Error, Result};
+use super::strips::{by_rows, check, rows_of};
+use crate::error::Result;
 use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout, Samples};
 use crate::image::{Image, Window};
 
@@ -33,22 +32,6 @@ pub(super) fn apply_dense(dense: &Dense, weights: &[&Weights], window: Window) -
     let lights = weights.len();
     let weights = std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, dense.scale())).collect());
     stream(&Whole { dense, weights }, lights, window)
-}
-
-/// Refuses weights that do not fit a field, and a window outside its pictures.
-///
-/// # Errors
-/// Either.
-pub(super) fn check(layout: Layout, weights: &[&Weights], window: Window) -> Result<()> {
-    if let Some(wrong) = weights.iter().find(|w| w.factors().len() != layout.elements) {
-        let found = format!("{} weights", wrong.factors().len());
-        return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
-    }
-    if window.x1 > layout.width || window.y1 > layout.height {
-        let expected = format!("one inside {} x {}", layout.width, layout.height);
-        return Err(Error::invalid("window", format!("{window:?}"), expected));
-    }
-    Ok(())
 }
 
 /// Where blocks come from, and what their numbers are multiplied by.
@@ -99,35 +82,8 @@ impl Source for Whole<'_> {
 /// # Errors
 /// Bytes that cannot be read, NaN in the field.
 pub(super) fn stream(source: &impl Source, lights: usize, window: Window) -> Result<Vec<Image>> {
-    let mut pictures: Vec<Image> = (0..lights).map(|_| Image::new(window.width(), window.height(), 3)).collect();
-    if window.is_empty() || lights == 0 {
-        return Ok(pictures);
-    }
     let stream = Stream { source, window, isa: Isa::detect() };
-    // Each row of blocks owns its rows of every picture.
-    let (_, rows) = source.layout().blocks(window);
-    let mut strips: Vec<(usize, Vec<&mut [f32]>)> = rows.map(|by| (by, Vec::new())).collect();
-    for picture in &mut pictures {
-        let mut rest = picture.data_mut();
-        for (by, strip) in &mut strips {
-            let height = stream.rows_of(*by).len();
-            let (own, after) = rest.split_at_mut(height * window.width() * 3);
-            strip.push(own);
-            rest = after;
-        }
-    }
-    strips.into_par_iter().try_for_each(|(by, mut strip)| stream.row(by, &mut strip))?;
-    // One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
-    if let Some(bad) = pictures.iter().find_map(|p| p.data().iter().position(|v| !v.is_finite()).map(|at| at / 3)) {
-        let (x, y) = (window.x0 + bad % window.width(), window.y0 + bad / window.width());
-        let place = format!("{}, pixel ({x}, {y})", source.path().display());
-        return Err(Error::invalid(
-            place,
-            "a number that is not finite",
-            "finite transport (`relume verify` tells whether the file was damaged)",
-        ));
-    }
-    Ok(pictures)
+    by_rows(source.layout(), source.path(), lights, window, |by, strips| stream.row(by, strips))
 }
 
 /// One pass over a field.
@@ -138,11 +94,6 @@ struct Stream<'a, S> {
 }
 
 impl<S: Source> Stream<'_, S> {
-    /// Rows of the picture that row `by` of blocks has inside the window.
-    fn rows_of(&self, by: usize) -> std::ops::Range<usize> {
-        (by * BLOCK_HEIGHT).max(self.window.y0)..((by + 1) * BLOCK_HEIGHT).min(self.window.y1)
-    }
-
     /// One row of blocks into one strip a picture.
     fn row(&self, by: usize, strips: &mut [&mut [f32]]) -> Result<()> {
         let (columns, _) = self.source.layout().blocks(self.window);
@@ -188,7 +139,7 @@ impl<S: Source> Stream<'_, S> {
     /// Puts a block's sums where the window has them.
     fn scatter(&self, sums: &Sums, bx: usize, by: usize, c: usize, strip: &mut [f32]) {
         const _: () = assert!(BLOCK_PIXELS == BLOCK_WIDTH * BLOCK_HEIGHT);
-        let rows = self.rows_of(by);
+        let rows = rows_of(by, self.window);
         let columns = (bx * BLOCK_WIDTH).max(self.window.x0)..((bx + 1) * BLOCK_WIDTH).min(self.window.x1);
         for y in rows.clone() {
             let line = &mut strip[(y - rows.start) * self.window.width() * 3..][..self.window.width() * 3];

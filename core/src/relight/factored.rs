@@ -6,8 +6,9 @@
 use rayon::prelude::*;
 
 use super::Weights;
-use super::apply::{Source, check, stream};
+use super::apply::{Source, stream};
 use super::kernels::{self, Isa};
+use super::strips::check;
 use crate::error::Result;
 use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, BlockBuffer, Factored, Layout};
 use crate::image::{Image, Window};
@@ -43,8 +44,7 @@ impl<'a> Projected<'a> {
         let (columns, rows) =
             (window.x0 / width..window.x1.div_ceil(width), window.y0 / height..window.y1.div_ceil(height));
         let (first, across) = ((columns.start, rows.start), columns.len());
-        let scaled: Factors =
-            std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, factored.scale())).collect());
+        let scaled: Factors = std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, factored.scale())).collect());
         let touched: Vec<usize> =
             rows.flat_map(|ty| columns.clone().map(move |tx| ty * tiles.columns() + tx)).collect();
         let isa = Isa::detect();

@@ -49,7 +49,7 @@ fn photograph(path: &Path) {
 }
 
 /// Random radiance; the sun in a dim sky; slivers of light at some headings.
-fn maps() -> Vec<EnvMap> {
+pub fn maps() -> Vec<EnvMap> {
     let noise = |d: &relume_core::math::Vec3| {
         std::array::from_fn(|c| ((d.x * 7.1 + d.y * 5.3 * (c + 1) as f64).sin() * 43.0 + d.z * 17.0).sin().abs() as f32)
     };

@@ -3,4 +3,5 @@
 mod compact;
 mod factored;
 mod failed;
+mod sparse;
 mod surface;

@@ -59,12 +59,7 @@ const TRIALS: usize = 4;
 const SEED: u64 = 1;
 
 /// Factors, rounds and measures; see [`super::compress`].
-pub(super) fn compress(
-    samples: Samples<'_>,
-    error: f64,
-    output: &Path,
-    progress: &mut Progress<'_>,
-) -> Result<Made> {
+pub(super) fn compress(samples: Samples<'_>, error: f64, output: &Path, progress: &mut Progress<'_>) -> Result<Made> {
     if !(LEAST_ERROR..1.0).contains(&error) {
         let expected = format!("{LEAST_ERROR} to 1: halves keep no less, and an error of 1 keeps nothing");
         return Err(Error::invalid("factored field", format!("an error of {error}"), expected));
@@ -108,7 +103,9 @@ fn best_size(samples: Samples<'_>, share: f64, progress: &mut Progress<'_>) -> R
     for (n, &size) in sizes.iter().enumerate() {
         let tiles = Tiles { layout, size: [size; 2] };
         let coder = Coder { samples, tiles, share, scale: 1.0 };
-        let cost = |tile: &usize| Ok(coder.factors(&coder.matrix(*tile)?, *tile)?.rank() * (tiles.matrix_rows(*tile) + layout.elements));
+        let cost = |tile: &usize| {
+            Ok(coder.factors(&coder.matrix(*tile)?, *tile)?.rank() * (tiles.matrix_rows(*tile) + layout.elements))
+        };
         let tried = trials(&tiles);
         let mut halves = 0;
         for some in tried.chunks(in_flight(&tiles)) {
