@@ -8,8 +8,8 @@
 //! - the relative L2 error of pictures relit under the four maps of `hdri`, against the samples;
 //! - how many times faster it relights. The two take turns, and both are medians.
 //!
-//! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of a case's name runs that case
-//! alone.
+//! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of `case/representation`, such
+//! as `painting` or `stage-1280/factored`, runs what it is a part of.
 
 #![allow(clippy::print_stdout, missing_docs)]
 
@@ -24,8 +24,10 @@ use relume_core::field::compress::{Scheme, compress};
 use relume_core::field::{Access, Asset, Contents, Kind, Precision, write};
 use relume_core::illumination::EnvMap;
 use relume_core::image::{self, ColourSpace, EncodeOptions, Encoding, Image, Window};
+use relume_core::reconstruct::Method;
 use relume_core::relight::{Light, Look, Relighter, Weights};
 use relume_core::simulate::{Camera, Quality, Scene, Stage, grid_lamps};
+use relume_core::wavelet::Wavelet;
 
 /// Runs of each; medians count.
 const RUNS: usize = 21;
@@ -48,9 +50,24 @@ fn harmonics(functions: usize) -> Candidate {
     Candidate { name: format!("harmonics {functions}"), kind: Kind::Harmonics, scheme: Scheme::Harmonics { functions } }
 }
 
+/// Functions rebuilt by B-splines on 256 x 64 directions; pictures are compared with those of the samples by B-splines.
+fn wavelet(error: f64) -> Candidate {
+    let scheme = Scheme::Wavelet {
+        wavelet: Wavelet::Daubechies97,
+        grid: (256, 64),
+        reconstruction: Method::BSpline,
+        error: Some(error),
+        terms: None,
+    };
+    Candidate { name: format!("wavelet 9/7 {error}"), kind: Kind::Wavelet, scheme }
+}
+
 fn main() -> Result<()> {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
-    let wants = |name: &str| wanted.is_empty() || wanted.iter().any(|part| name.contains(part));
+    let wants = |case: &str, candidate: &Candidate| {
+        let name = format!("{case}/{}", candidate.name);
+        wanted.is_empty() || wanted.iter().any(|part| name.contains(part))
+    };
     let data = std::env::var_os("RELUME_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     if !data.is_dir() {
@@ -65,17 +82,22 @@ fn main() -> Result<()> {
     result
 }
 
-fn run(wants: &dyn Fn(&str) -> bool, data: &Path, folder: &Path) -> Result<()> {
+fn run(wants: &dyn Fn(&str, &Candidate) -> bool, data: &Path, folder: &Path) -> Result<()> {
     println!("{} threads; medians of {RUNS} runs", rayon::current_num_threads());
-    if wants("stage-1280") {
-        let path = folder.join("stage-1280.rfield");
-        stage(&path)?;
-        case("stage-1280", &path, data, &[factored(0.04), factored(0.02), harmonics(25), harmonics(225)])?;
-    }
-    if wants("painting-72") {
-        let path = folder.join("painting-72.rfield");
-        painting(data, &path)?;
-        case("painting-72", &path, data, &[factored(0.02), factored(0.04), harmonics(25)])?;
+    let on_stage = vec![factored(0.04), factored(0.02), wavelet(0.02), harmonics(25), harmonics(225)];
+    let of_painting = vec![factored(0.02), factored(0.04), wavelet(0.02), harmonics(25)];
+    for (name, mut candidates) in [("stage-1280", on_stage), ("painting-72", of_painting)] {
+        candidates.retain(|candidate| wants(name, candidate));
+        if candidates.is_empty() {
+            continue;
+        }
+        let path = folder.join(format!("{name}.rfield"));
+        if name == "stage-1280" {
+            stage(&path)?
+        } else {
+            painting(data, &path)?
+        }
+        case(name, &path, data, &candidates)?;
     }
     Ok(())
 }
@@ -197,8 +219,9 @@ fn relit(
     let mut errors = Vec::new();
     for (map, map_name) in maps.iter().zip(MAPS) {
         let [reference, picture] = [dense, compact].map(|relighter| {
-            let weights = relighter.weights(Light::Map(map), &Look::default())?;
-            relighter.render(&weights, &Look::default(), full(relighter)).map(Image::into_rgb)
+            let look = Look { method: Method::BSpline, ..Look::default() };
+            let weights = relighter.weights(Light::Map(map), &look)?;
+            relighter.render(&weights, &look, full(relighter)).map(Image::into_rgb)
         });
         let (reference, picture) = (reference?, picture?);
         errors.push(compare(&picture, &reference, None)?.relative_l2);

@@ -56,21 +56,22 @@ impl<'a> Projected<'a> {
     }
 }
 
-/// `B w` of a tile: each row of B is read and converted once for all channels and lights.
+/// `B w` of a tile: each row of B is read once for all channels and lights.
 fn project(
     factored: &Factored,
     tile: usize,
     weights: &Factors,
     isa: Isa,
-    (buffer, row): &mut (BlockBuffer, Vec<f32>),
+    (buffer, room): &mut (BlockBuffer, Vec<f32>),
 ) -> Result<Factors> {
     let rank = factored.ranks()[tile] as usize;
     let right = factored.right(tile, buffer)?;
     let mut factors: Factors = std::array::from_fn(|c| vec![Vec::with_capacity(rank); weights[c].len()]);
     for halves in right.chunks_exact(factored.layout().elements) {
-        kernels::expand(isa, Block::Half(halves), row);
-        for (factors, weights) in factors.iter_mut().flatten().zip(weights.iter().flatten()) {
-            factors.push(kernels::dot(isa, row, weights));
+        for light in 0..weights[0].len() {
+            let of_light = weights.each_ref().map(|weights| weights[light].as_slice());
+            let dots = kernels::dots(isa, halves, of_light, room);
+            factors.iter_mut().zip(dots).for_each(|(factors, dot)| factors[light].push(dot));
         }
     }
     Ok(factors)

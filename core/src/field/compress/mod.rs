@@ -46,7 +46,7 @@ pub enum Scheme {
     /// Tiles of low rank.
     Factored {
         /// The relative error over the whole field, Frobenius, from 0.001 to 1: at most so much. Less where glints have most of
-        /// the energy, so that pictures under even light are off by at most twice as much, in practice far less.
+        /// the energy, so that pictures under even light are off by at most 1.4 times as much, in practice far less.
         error: f64,
     },
     /// For each pixel its own set of wavelet coefficients, by `error`, by `terms`, or by the first of them that is met.
