@@ -22,6 +22,7 @@
 //! | `store` | how bytes arrive: mapped or read |
 //! | `dense` | one coefficient picture per element |
 //! | `harmonics` | coefficient pictures of spherical harmonics |
+//! | `factored` | tiles of low rank |
 //! | `sparse` | wavelet coefficients of each pixel |
 //! | `samples` | the samples at the lamps, as photographed or decoded |
 //! | `writer` | a container from bands of `T`, in bounded memory |
@@ -33,6 +34,7 @@ mod archive;
 mod asset;
 pub mod compress;
 mod dense;
+mod factored;
 mod harmonics;
 mod manifest;
 mod mapping;
@@ -45,6 +47,7 @@ mod writer;
 
 pub use asset::Asset;
 pub use dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout};
+pub use factored::{Factored, Tiles};
 pub use harmonics::Harmonics;
 pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
 pub use rewrite::{NewLayer, add_layers};

@@ -7,6 +7,7 @@
 //! |---|---|
 //! | `kernels` | block x weights -> 128 sums: the plain loop, and SIMD chosen at run time |
 //! | `apply` | the loop over blocks, on all threads |
+//! | `factored` | the same for tiles of low rank |
 //! | `sparse` | the gather from a transformed light |
 //! | `strips` | pictures made row of blocks by row of blocks, on all threads |
 //! | `look` | what a user can turn |
@@ -18,6 +19,7 @@
 
 mod apply;
 mod choice;
+mod factored;
 pub mod kernels;
 mod layers;
 mod look;

@@ -8,7 +8,7 @@ use super::projections::Projections;
 use super::sparse::apply_sparse;
 use super::{Look, Weights, apply, prepared};
 use crate::error::{Error, Result};
-use crate::field::{Asset, Kind};
+use crate::field::{Asset, Kind, Samples};
 use crate::illumination::{Beam, EnvMap};
 use crate::image::{ColourSpace, Conversion, Image, Window};
 use crate::reconstruct::{Method, Outside};
@@ -130,9 +130,17 @@ impl Relighter {
     /// that there is. It never depends on what a map shows, so it cannot change in the course of an animation.
     ///
     /// # Errors
-    /// A representation that the asset does not hold.
+    /// A representation that the asset does not hold, or that cannot do without the lamps that are left out.
     pub fn choose(&self, wanted: Option<Kind>, captured_lamp: bool) -> Result<Kind> {
-        choose(&self.asset, wanted, captured_lamp)
+        let kind = choose(&self.asset, wanted, captured_lamp)?;
+        if self.projections.leaves_out() && matches!(kind, Kind::Wavelet | Kind::Harmonics) {
+            return Err(Error::Unsupported {
+                place: self.asset.path().display().to_string(),
+                what: format!("leaving lamps out of `{}`, which all lamps have gone into,", kind.id()),
+                advice: "use an asset with samples, or one compressed without these lamps".to_owned(),
+            });
+        }
+        Ok(kind)
     }
 
     fn lamp(&self, number: usize) -> Result<Weights> {
@@ -183,11 +191,14 @@ impl Relighter {
                 let harmonics = self.asset.harmonics().ok_or_else(|| absent(&self.asset, kind))?;
                 apply_dense(harmonics.pictures(), weights, window)
             }
+            Kind::Factored => {
+                let factored = self.asset.factored().ok_or_else(|| absent(&self.asset, kind))?;
+                apply(Samples::Factored(factored), weights, window)
+            }
             Kind::Wavelet => {
                 let sparse = self.asset.sparse().ok_or_else(|| absent(&self.asset, kind))?;
                 apply_sparse(sparse, weights, window)
             }
-            Kind::Factored => Err(absent(&self.asset, kind)),
         }
     }
 

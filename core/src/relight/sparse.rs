@@ -1,8 +1,8 @@
 //! Relighting by wavelet coefficients: for each pixel a gather from the transformed light.
 
 use super::Weights;
-use super::strips::{by_rows, rows_of};
-use crate::error::{Error, Result};
+use super::strips::{by_rows, check, rows_of};
+use crate::error::Result;
 use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Sparse, TermBuffer};
 use crate::image::{Image, Window};
 
@@ -22,10 +22,7 @@ const APART: usize = 4;
 /// Weights that do not fit the field, a window outside the picture, bytes that cannot be read or are damaged.
 pub(super) fn apply_sparse(sparse: &Sparse, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
     let layout = sparse.layout();
-    if let Some(wrong) = weights.iter().find(|w| w.factors().len() != layout.elements) {
-        let found = format!("{} weights", wrong.factors().len());
-        return Err(Error::invalid("illumination", found, format!("{}, one a location", layout.elements)));
-    }
+    check(layout, weights, window)?;
     let scale = sparse.scale();
     let table = |w: &&Weights| w.factors().iter().map(|&[r, g, b]| [r * scale, g * scale, b * scale, 0.0]).collect();
     let gather = Gather { sparse, tables: weights.iter().map(table).collect(), window };

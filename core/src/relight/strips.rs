@@ -5,6 +5,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
+use super::Weights;
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, Layout};
 use crate::image::{Image, Window};
@@ -14,11 +15,27 @@ pub(super) fn rows_of(by: usize, window: Window) -> Range<usize> {
     (by * BLOCK_HEIGHT).max(window.y0)..((by + 1) * BLOCK_HEIGHT).min(window.y1)
 }
 
-/// `count` pictures of a window (RGB): `row` fills what they have of one row of blocks, one strip a picture, from the top
+/// Refuses weights that do not fit a field, and a window outside its pictures.
+///
+/// # Errors
+/// Either.
+pub(super) fn check(layout: Layout, weights: &[&Weights], window: Window) -> Result<()> {
+    if let Some(wrong) = weights.iter().find(|w| w.factors().len() != layout.elements) {
+        let found = format!("{} weights", wrong.factors().len());
+        return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
+    }
+    if window.x1 > layout.width || window.y1 > layout.height {
+        let expected = format!("one inside {} x {}", layout.width, layout.height);
+        return Err(Error::invalid("window", format!("{window:?}"), expected));
+    }
+    Ok(())
+}
+
+/// `count` pictures of a window, which was [checked](check) (RGB): `row` fills what they have of one row of blocks, one strip a picture, from the top
 /// left of the window's part. Rows are spread over the current rayon threads; the result does not depend on their number.
 ///
 /// # Errors
-/// A window outside the picture, what `row` returns, numbers that are not finite.
+/// What `row` returns, numbers that are not finite.
 pub(super) fn by_rows(
     layout: Layout,
     path: &Path,
@@ -26,10 +43,6 @@ pub(super) fn by_rows(
     window: Window,
     row: impl Fn(usize, &mut [&mut [f32]]) -> Result<()> + Sync,
 ) -> Result<Vec<Image>> {
-    if window.x1 > layout.width || window.y1 > layout.height {
-        let expected = format!("one inside {} x {}", layout.width, layout.height);
-        return Err(Error::invalid("window", format!("{window:?}"), expected));
-    }
     let mut pictures: Vec<Image> = (0..count).map(|_| Image::new(window.width(), window.height(), 3)).collect();
     if window.is_empty() || count == 0 {
         return Ok(pictures);
