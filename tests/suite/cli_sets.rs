@@ -129,7 +129,7 @@ with zipfile.ZipFile(sys.argv[1]) as container:
     ambient = numpy.load(io.BytesIO(container.read('layers/ambient.npy')))
     with container.open('transport/dense.npy') as entry:
         version = numpy.lib.format.read_magic(entry)
-scale = manifest['representation']['scale']
+scale = manifest['representations'][0]['scale']
 print(json.dumps({
     'shape': transport.shape, 'dtype': transport.dtype.str, 'version': version,
     'pixel': (transport[1, 1, 2, :, 2, 4].astype('f8') * scale).tolist(),

@@ -1,6 +1,8 @@
 //! The line of text that says what is loaded, or what is wrong. Written when an instance is made and when something
 //! changes, never while rendering: the standard forbids that.
 
+use relume_core::field::Kind;
+
 use super::assets::{Library, file_name};
 use super::controls::Controls;
 use super::{ILLUMINATION, Instance, input};
@@ -76,8 +78,12 @@ fn line(
     let field = library.field(instance, &controls.asset)?;
     let asset = field.asset();
     let lamps = asset.domain().len();
-    let about =
-        format!("{}: {} x {} pixels, {lamps} lamps.", file_name(&controls.asset), asset.width(), asset.height());
+    let form = match field.choose(controls.look.representation, controls.lamp.is_some())? {
+        Kind::Dense => String::new(),
+        kind => format!(", {}", kind.id()),
+    };
+    let (name, width, height) = (file_name(&controls.asset), asset.width(), asset.height());
+    let about = format!("{name}: {width} x {height} pixels, {lamps} lamps{form}.");
     if input(effect, ILLUMINATION).is_some() {
         return Ok(format!("{about} Light: the Illumination clip."));
     }
