@@ -2,6 +2,7 @@
 
 mod cli;
 mod cli_sets;
+mod compression;
 mod evaluate;
 mod hdr;
 mod host_self;

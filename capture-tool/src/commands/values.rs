@@ -141,6 +141,23 @@ pub fn keep(text: &str) -> Result<Keep, String> {
     }
 }
 
+/// A grid as `256x64`: columns and rows.
+pub fn grid(text: &str) -> Result<(usize, usize), String> {
+    const WANTED: &str = "not columns x rows, as in 256x64";
+    let (columns, rows) = text.split_once('x').ok_or_else(|| WANTED.to_owned())?;
+    let side = |text: &str| usize::from_str(text.trim()).map_err(|_| WANTED.to_owned());
+    Ok((side(columns)?, side(rows)?))
+}
+
+/// A number of things, at least one.
+pub fn at_least_one(text: &str) -> Result<usize, String> {
+    match usize::from_str(text) {
+        Ok(0) => Err("none; at least 1 is needed".to_owned()),
+        Ok(count) => Ok(count),
+        Err(_) => Err("not a whole number from 1 on".to_owned()),
+    }
+}
+
 /// `N` finite numbers with commas between them.
 pub fn list<const N: usize>(text: &str) -> Result<[f64; N], String> {
     listed(text, finite)
