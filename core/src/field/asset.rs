@@ -161,8 +161,8 @@ impl Asset {
         let held: Vec<&str> = self.manifest.representations.iter().map(|r| r.kind().id()).collect();
         Err(Error::Unsupported {
             place: self.path().display().to_string(),
-            what: format!("looking at samples of the lamps: it holds {} alone", held.join(" and ")),
-            advice: "use the asset that it was compressed from, or compress with --keep".to_owned(),
+            what: format!("looking at the samples of a field that holds {} alone", held.join(" and ")),
+            advice: "use the asset that it was compressed from".to_owned(),
         })
     }
 

@@ -382,6 +382,15 @@ fn grids_are_asked_for_by_name() {
 }
 
 #[test]
+fn wavelets_that_cannot_interpolate_are_refused() {
+    let set = arc(5, 12);
+    for wavelet in [Wavelet::Daubechies4, Wavelet::Daubechies8] {
+        let message = Reconstruction::new(Arc::new(set.clone()), Method::Wavelet(wavelet)).unwrap_err().to_string();
+        assert!(message.contains(&format!("`{}`", wavelet.id())) && message.contains("haar, 5/3 or 9/7"), "{message}");
+    }
+}
+
+#[test]
 fn names_are_permanent_and_unique() {
     assert_eq!(Method::ALL.len(), Method::NAMES.len());
     assert_eq!((Method::Linear.id(), Method::BSpline.id()), ("linear", "b-spline"));

@@ -33,9 +33,9 @@ pub(super) fn choose(asset: &Asset, wanted: Option<Kind>, captured_lamp: bool) -
 /// What is said of a representation that is not there.
 pub(super) fn absent(asset: &Asset, kind: Kind) -> Error {
     let held: Vec<&str> = asset.manifest().representations.iter().map(|r| r.kind().id()).collect();
-    Error::Unsupported {
-        place: asset.path().display().to_string(),
-        what: format!("`{}`: the asset holds {}", kind.id(), held.join(" and ")),
-        advice: "choose one of these, or automatic; `relume compress --keep` adds a representation".to_owned(),
-    }
+    Error::invalid(
+        asset.path().display().to_string(),
+        format!("no `{}` representation", kind.id()),
+        format!("automatic, or what the asset holds: {} (`relume compress --keep` adds others)", held.join(", ")),
+    )
 }

@@ -12,7 +12,11 @@
 //! Scaling coefficients are the roots. The children of one are the three details of level 0 at its place; the children of
 //! a detail are the (two by two) details of the next level and the same orientation that lie over it: four in every basis,
 //! whatever the length of its filters, so that every location but a root has exactly one parent. (The thesis, 6.5, takes
-//! all functions that overlap, which is no tree.) A square grid of a power of two has one root; 256 x 64 has 4 x 1.
+//! all functions that overlap, which for long filters is no tree.) A square grid of a power of two has one root;
+//! 256 x 64 has 4 x 1.
+//!
+//! The up to three details of a place are a *group*, and groups are a tree as well, again with four children each. Haar
+//! functions overlap with those of all orientations below them, and so do the others: [`Tree::below`].
 
 use crate::error::{Error, Result};
 
@@ -177,6 +181,27 @@ impl Tree {
         [child(0), child(1), child(2), child(3)].into_iter().flatten()
     }
 
+    /// The details that share its place, itself among them, in the order LH, HL, HH; a scaling coefficient is alone.
+    pub fn group(&self, location: u32) -> impl Iterator<Item = u32> + use<> {
+        let place = self.place(location);
+        let member = |n: usize| match place.orientation {
+            None => (n == 0).then_some(location),
+            Some(_) => self.location(Place { orientation: Some(Orientation::ALL[n]), ..place }),
+        };
+        [member(0), member(1), member(2)].into_iter().flatten()
+    }
+
+    /// The first of each group under that of a location: one under a scaling coefficient, four under details.
+    pub fn groups_below(&self, location: u32) -> impl Iterator<Item = u32> + use<> {
+        let count = if self.orientation(location).is_none() { 1 } else { 4 };
+        self.group(location).next().map(|first| self.children(first)).into_iter().flatten().take(count)
+    }
+
+    /// The members of all groups under that of a location: up to twelve, group by group.
+    pub fn below(&self, location: u32) -> impl Iterator<Item = u32> + '_ {
+        self.groups_below(location).flat_map(|first| self.group(first))
+    }
+
     /// All locations in the linear order of 6.4, figure 6.5: scaling coefficients; then level by level from the coarsest,
     /// within a level row by row, and at each place LH, HL, HH. Parents come before their children.
     pub fn linear_order(&self) -> impl Iterator<Item = u32> + '_ {
@@ -191,5 +216,65 @@ impl Tree {
 
     fn width(&self) -> u32 {
         self.scales[self.scales.len() - 1].0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZES: [(usize, usize); 9] = [(256, 64), (16, 16), (8, 1), (1, 8), (12, 20), (7, 5), (5, 8), (2, 2), (1, 1)];
+
+    #[test]
+    fn places_and_locations_are_one_to_one_and_children_have_their_parent() {
+        for size in SIZES {
+            let tree = Tree::new(size).unwrap();
+            let mut hangs = vec![0; tree.len()];
+            for location in 0..tree.len() as u32 {
+                let place = tree.place(location);
+                assert_eq!(tree.location(place), Some(location), "{size:?}: {place:?}");
+                assert!(place.level < tree.levels());
+                let limit = if place.orientation.is_none() { 3 } else { 4 };
+                assert!(tree.children(location).count() <= limit);
+                for child in tree.children(location) {
+                    hangs[child as usize] += 1;
+                    assert_eq!(tree.parent(child), Some(location));
+                    let (own, child) = (place.level, tree.place(child));
+                    assert_eq!(child.level, if place.orientation.is_none() { 0 } else { own + 1 });
+                    assert!(place.orientation.is_none() || child.orientation == place.orientation);
+                }
+                assert!(tree.group(location).any(|member| member == location));
+            }
+            tree.roots().for_each(|root| hangs[root as usize] += 1);
+            assert!(hangs.iter().all(|count| *count == 1), "{size:?}: one forest over all locations");
+            let mut order: Vec<u32> = tree.linear_order().collect();
+            order.sort_unstable();
+            assert!(order.into_iter().eq(0..tree.len() as u32));
+        }
+    }
+
+    /// 256 x 64: six levels, 4 x 1 roots; and figure 6.5 d on 8 x 8.
+    #[test]
+    fn known_trees() {
+        let tree = Tree::new((256, 64)).unwrap();
+        assert_eq!((tree.levels(), tree.roots().collect::<Vec<u32>>()), (6, vec![0, 1, 2, 3]));
+        // Level 0 has 4 x 1 details: LH in row 1, HL from column 4 on, HH below it.
+        assert_eq!(tree.children(2).collect::<Vec<u32>>(), [256 + 2, 6, 256 + 6]);
+        assert_eq!(tree.children(6).collect::<Vec<u32>>(), [8 + 4, 8 + 5, 256 + 8 + 4, 256 + 8 + 5]);
+        assert_eq!(tree.below(6).count(), 12);
+        assert_eq!(tree.orientation(6), Some(Orientation::HighLow));
+        assert_eq!(tree.level(256 * 63), 5);
+        assert_eq!(tree.children(256 * 63).count(), 0);
+        let square = Tree::new((8, 8)).unwrap();
+        let order: Vec<u32> = square.linear_order().take(10).collect();
+        assert_eq!(order, [0, 8, 1, 9, 16, 2, 18, 17, 3, 19]);
+    }
+
+    #[test]
+    fn grids_that_cannot_be_are_refused() {
+        for size in [(0, 4), (4, 0), (1 << 16, 1 << 16), (usize::MAX, 2)] {
+            let message = Tree::new(size).unwrap_err().to_string();
+            assert!(message.contains(&format!("{} x {}", size.0, size.1)), "{message}");
+        }
     }
 }

@@ -68,8 +68,8 @@ pub fn compress(
     let Some(dense) = asset.dense() else {
         return Err(Error::Unsupported {
             place: asset.path().display().to_string(),
-            what: "compressing what is compressed already: it no longer holds the samples as photographed".to_owned(),
-            advice: "compress the asset that it was made from; --keep puts several representations into one".to_owned(),
+            what: "compressing a field that no longer holds its samples as photographed".to_owned(),
+            advice: "compress the asset that it was made from (--keep puts several representations into one)".to_owned(),
         });
     };
     let samples = Samples::Dense(dense);

@@ -1,5 +1,12 @@
 //! Which coefficients to keep (6.4, 6.5).
 //!
+//! A set of coefficients is a *tree* here when the group (the place, of whatever orientation) over each of its members has
+//! a member too. So growth goes on from one orientation to all, as the thesis's definition of children has it (6.5: all
+//! functions of the next level that overlap). Were only children of the same orientation to follow, one small coarse
+//! coefficient would shut off all that lies under it. Measured at 0.5 % of the coefficients of ten photographs of
+//! 512 x 512, the relative error of optimal progressive trees exceeds that of the non-linear approximation by 0.4 % (Haar)
+//! and 0.8 % (9/7) on average; with children of the same orientation alone by 3.9 % and 3.3 %. The thesis found 0.7 %.
+//!
 //! | part | what it holds |
 //! |---|---|
 //! | `best_tree` | the best subtree of a size, by dynamic programming |
@@ -19,11 +26,11 @@ pub enum Approximation {
     Linear,
     /// The largest.
     NonLinear,
-    /// The set with the largest sum of squares of all that contain the ancestors of each of their members.
+    /// The tree with the largest sum of squares.
     BestTree,
-    /// A tree that grows all children of its largest leaf at once (eq. 6.2).
+    /// A tree that grows everything below its largest leaf at once (eq. 6.2).
     GreedyTree,
-    /// A tree that grows the largest child of all its members (eq. 6.3, 6.4).
+    /// A tree that grows the largest of all that lies below its members (eq. 6.3, 6.4).
     OptimalTree,
 }
 

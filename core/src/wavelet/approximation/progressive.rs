@@ -4,7 +4,7 @@
 //! the next one needs it, and once, so that a query may be a photograph.
 
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BinaryHeap, VecDeque};
+use std::collections::{BinaryHeap, HashSet, VecDeque};
 
 use super::Tree;
 
@@ -35,14 +35,27 @@ impl PartialEq for Known {
 
 impl Eq for Known {}
 
-/// Greedy progressive tree (eq. 6.2): all scaling coefficients, then again and again all children of the largest member
-/// that has none yet. All that was asked for becomes a member: queries cost more than storage.
+/// Groups whose descendants were taken up, by their first members.
+#[derive(Debug, Default)]
+struct Opened(HashSet<u32>);
+
+impl Opened {
+    /// Everything below a location, the first time that one of its group asks.
+    fn below(&mut self, tree: &Tree, location: u32) -> impl Iterator<Item = u32> {
+        let new = tree.group(location).next().is_some_and(|first| self.0.insert(first));
+        new.then(|| tree.below(location)).into_iter().flatten()
+    }
+}
+
+/// Greedy progressive tree (eq. 6.2): all scaling coefficients, then again and again everything below the largest member
+/// with nothing below it yet. All that was asked for becomes a member: queries cost more than storage.
 #[derive(Debug)]
 pub struct Greedy<'a, Q> {
     tree: &'a Tree,
     query: Q,
-    /// Members whose children are not.
+    /// Members that may have nothing below them.
     leaves: BinaryHeap<Known>,
+    opened: Opened,
     /// To become members next.
     next: VecDeque<u32>,
     /// A member that was not asked for yet.
@@ -52,7 +65,8 @@ pub struct Greedy<'a, Q> {
 impl<'a, Q: FnMut(u32) -> f32> Greedy<'a, Q> {
     /// Starts from the scaling coefficients of a tree; `query` gives magnitudes.
     pub fn new(tree: &'a Tree, query: Q) -> Self {
-        Self { tree, query, leaves: BinaryHeap::new(), next: tree.roots().collect(), unknown: None }
+        let next = tree.roots().collect();
+        Self { tree, query, leaves: BinaryHeap::new(), opened: Opened::default(), next, unknown: None }
     }
 }
 
@@ -64,7 +78,8 @@ impl<Q: FnMut(u32) -> f32> Iterator for Greedy<'_, Q> {
             self.leaves.push(Known { magnitude: (self.query)(location), location: Reverse(location) });
         }
         while self.next.is_empty() {
-            self.next.extend(self.tree.children(self.leaves.pop()?.location.0));
+            let leaf = self.leaves.pop()?.location.0;
+            self.next.extend(self.opened.below(self.tree, leaf));
         }
         self.unknown = self.next.pop_front();
         self.unknown
@@ -72,13 +87,14 @@ impl<Q: FnMut(u32) -> f32> Iterator for Greedy<'_, Q> {
 }
 
 /// Optimal progressive tree (eq. 6.3, by the priority queue of eq. 6.4): again and again the largest of the scaling
-/// coefficients and of all children of members. Children are asked for when their parent has become a member and another
-/// one is wanted.
+/// coefficients and of everything below members. What lies below is asked for when a first member of the group above was
+/// taken and another one is wanted.
 #[derive(Debug)]
 pub struct Optimal<'a, Q> {
     tree: &'a Tree,
     query: Q,
     candidates: BinaryHeap<Known>,
+    opened: Opened,
     /// To become candidates when the next member is wanted.
     unknown: Vec<u32>,
 }
@@ -86,7 +102,8 @@ pub struct Optimal<'a, Q> {
 impl<'a, Q: FnMut(u32) -> f32> Optimal<'a, Q> {
     /// Starts from the scaling coefficients of a tree; `query` gives magnitudes.
     pub fn new(tree: &'a Tree, query: Q) -> Self {
-        Self { tree, query, candidates: BinaryHeap::new(), unknown: tree.roots().collect() }
+        let unknown = tree.roots().collect();
+        Self { tree, query, candidates: BinaryHeap::new(), opened: Opened::default(), unknown }
     }
 }
 
@@ -98,7 +115,7 @@ impl<Q: FnMut(u32) -> f32> Iterator for Optimal<'_, Q> {
             self.candidates.push(Known { magnitude: (self.query)(location), location: Reverse(location) });
         }
         let location = self.candidates.pop()?.location.0;
-        self.unknown.extend(self.tree.children(location));
+        self.unknown.extend(self.opened.below(self.tree, location));
         Some(location)
     }
 }

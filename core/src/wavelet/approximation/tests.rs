@@ -1,3 +1,4 @@
+use super::super::{Edge, Normalisation, Transform, Wavelet};
 use super::*;
 
 fn noise(n: usize, seed: u32) -> Vec<f32> {
@@ -10,7 +11,8 @@ fn kept(magnitudes: &[f32], chosen: &[u32]) -> f64 {
 }
 
 fn closed(tree: &Tree, chosen: &[u32]) -> bool {
-    chosen.iter().all(|&location| tree.parent(location).is_none_or(|parent| chosen.contains(&parent)))
+    let kept = |parent: u32| tree.group(parent).any(|member| chosen.contains(&member));
+    chosen.iter().all(|&location| tree.parent(location).is_none_or(kept))
 }
 
 #[test]
@@ -22,7 +24,7 @@ fn the_largest_come_first_and_ties_by_location() {
     assert_eq!(Approximation::NonLinear.choose(&tree, &magnitudes, 100), [7, 1, 3, 4, 0, 6, 2, 5]);
 }
 
-/// Every set of a small grid that holds the ancestors of its members.
+/// Against every tree of a small grid.
 #[test]
 fn the_best_tree_is_the_best_of_all_trees() {
     for (size, seed) in [(4, 4), (8, 2), (5, 3), (16, 1), (2, 8)].into_iter().zip(1..) {
@@ -31,7 +33,7 @@ fn the_best_tree_is_the_best_of_all_trees() {
         let mut best = vec![0.0; tree.len() + 1];
         for set in 0u32..1 << tree.len() {
             let chosen: Vec<u32> = (0..tree.len() as u32).filter(|n| set >> n & 1 == 1).collect();
-            if chosen.iter().all(|&location| tree.parent(location).is_none_or(|parent| set >> parent & 1 == 1)) {
+            if closed(&tree, &chosen) {
                 best[chosen.len()] = kept(&magnitudes, &chosen).max(best[chosen.len()]);
             }
         }
@@ -45,7 +47,7 @@ fn the_best_tree_is_the_best_of_all_trees() {
 }
 
 /// Whatever the coefficients: non-linear <= best tree <= optimal and greedy trees in what they drop; sets have the wanted
-/// size, no location twice; trees contain ancestors; fewer terms are a prefix.
+/// size, no location twice; trees are trees; fewer terms are a prefix.
 #[test]
 fn approximations_are_ordered_by_their_errors() {
     for (size, seed) in [((64, 16), 1), ((16, 16), 2), ((32, 1), 3), ((12, 4), 4), ((7, 5), 5)] {
@@ -114,5 +116,77 @@ fn not_a_number_is_survived() {
         let chosen = approximation.choose(&tree, &magnitudes, 40);
         assert_eq!(chosen.len(), 40, "{approximation:?}");
         assert_eq!(chosen, approximation.choose(&tree, &magnitudes, 40));
+    }
+}
+
+/// A picture such as nature makes: opaque discs before each other, of radii with a density of r^-3 (dead leaves: Lee,
+/// Mumford and Huang 2001), each with a shade and a soft gradient of its own.
+fn dead_leaves(side: usize, seed: u32) -> Vec<f32> {
+    let discs = 3000;
+    let random = noise(discs * 6, seed);
+    let disc = |n: usize| {
+        let [x, y, r, shade, gx, gy] = random[6 * n..][..6] else { unreachable!() };
+        // Between 1/40 and 1/2 of the side, by inversion of the distribution.
+        let (low, high) = (40f32.powi(2), 2f32.powi(2));
+        let radius = (low + r * (high - low)).sqrt().recip() * side as f32;
+        ([x * side as f32, y * side as f32], radius, 0.2 + 0.8 * shade, [0.4 * gx - 0.2, 0.4 * gy - 0.2])
+    };
+    let mut picture = vec![0.5; side * side];
+    for (centre, radius, shade, gradient) in (0..discs).map(disc) {
+        let span = |c: f32| ((c - radius).max(0.0) as usize)..((c + radius + 1.0).max(0.0) as usize).min(side);
+        for y in span(centre[1]) {
+            for x in span(centre[0]) {
+                let (dx, dy) = (x as f32 + 0.5 - centre[0], y as f32 + 0.5 - centre[1]);
+                if dx * dx + dy * dy < radius * radius {
+                    picture[y * side + x] = shade + (dx * gradient[0] + dy * gradient[1]) / radius;
+                }
+            }
+        }
+    }
+    picture
+}
+
+/// ||t - S c|| / ||t|| for the chosen coefficients c.
+fn relative_error(transform: &Transform, picture: &[f32], chosen: &[u32]) -> f64 {
+    let mut coefficients = picture.to_vec();
+    transform.forward(&mut coefficients, 1);
+    let mut kept = vec![0.0; picture.len()];
+    chosen.iter().for_each(|&location| kept[location as usize] = coefficients[location as usize]);
+    transform.inverse(&mut kept, 1);
+    let square = |a: f32| f64::from(a).powi(2);
+    let error: f64 = picture.iter().zip(&kept).map(|(a, b)| square(a - b)).sum();
+    (error / picture.iter().map(|a| square(*a)).sum::<f64>()).sqrt()
+}
+
+/// Relative errors of all approximations at 0.5 % of the coefficients.
+fn errors(wavelet: Wavelet, picture: &[f32], side: usize) -> Vec<f64> {
+    let edges = (Edge::Mirrored, Edge::Mirrored);
+    let transform = Transform::new(wavelet, (side, side), edges, Normalisation::Energy).unwrap();
+    let mut magnitudes = picture.to_vec();
+    transform.forward(&mut magnitudes, 1);
+    magnitudes.iter_mut().zip(transform.synthesis_norms()).for_each(|(c, norm)| *c = c.abs() * norm);
+    let tree = transform.tree();
+    let error = |approximation: &Approximation| {
+        relative_error(&transform, picture, &approximation.choose(&tree, &magnitudes, side * side / 200))
+    };
+    Approximation::ALL.iter().map(error).collect()
+}
+
+/// 6.5: on pictures, at 0.5 % of the coefficients, optimal progressive trees come within two percent of the non-linear
+/// approximation (0.7 in the thesis) and, on average, before greedy ones (3); the best tree lies between.
+#[test]
+fn trees_come_close_to_the_non_linear_approximation_on_pictures() {
+    let side = 512;
+    for wavelet in [Wavelet::Haar, Wavelet::Daubechies97] {
+        let mut sums = vec![0.0; Approximation::ALL.len()];
+        for seed in 1..=2 {
+            let found = errors(wavelet, &dead_leaves(side, seed), side);
+            sums.iter_mut().zip(&found).for_each(|(sum, error)| *sum += error);
+            let [non_linear, best, optimal, ..] = found[..] else { panic!() };
+            assert!(optimal - non_linear < 0.02, "{wavelet:?}: {found:?}");
+            // Exact for Haar; nearly so for the 9/7, which is nearly orthogonal.
+            assert!(non_linear <= best + 1e-4 && best <= optimal + 1e-4, "{wavelet:?}: {found:?}");
+        }
+        assert!(sums[2] < sums[3], "{wavelet:?}: {sums:?}");
     }
 }
