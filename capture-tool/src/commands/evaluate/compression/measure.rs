@@ -4,7 +4,7 @@ use std::path::Path;
 
 use relume_core::domain::StageGrid;
 use relume_core::evaluate::compression::{
-    Budget, Codec, Functions, OverTime, Sweep, approximations, errors, over_time,
+    Budget, Codec, Figures, Functions, OverTime, Sweep, approximations, errors, over_time,
 };
 use relume_core::evaluate::pixel_sets::{sampled, seen};
 use relume_core::field::Asset;
@@ -83,7 +83,7 @@ impl Task {
         let mut bar = Progress::new("compressing reflectance functions", Unit::Steps);
         let found = errors(&functions, &codecs, &budgets, &sweep, &pixels, &mut |done, all| bar.step(done, all))?;
         let texels = self.grid.texels();
-        let of_wavelet = |(wavelet, figures): (&Wavelet, &Vec<_>)| OfWavelet {
+        let of_wavelet = |(wavelet, figures): (&Wavelet, &Vec<Figures>)| OfWavelet {
             id: wavelet.id(),
             label: label(*wavelet),
             by_count: counts.iter().zip(figures).map(|(&count, f)| ByCount { count, figures: *f }).collect(),

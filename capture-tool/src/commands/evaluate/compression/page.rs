@@ -2,6 +2,8 @@
 
 use maud::{Markup, html};
 use relume_core::evaluate::compression::Budget;
+use relume_core::evaluate::reconstruction::Summary;
+use relume_core::image::Image;
 
 use super::super::lines::{Chart, Line};
 use super::super::page::{Figure, chart, document, file_name};
@@ -27,7 +29,7 @@ impl Figures {
     /// # Errors
     /// Pictures that are not finite; what the charts meet.
     pub fn new(task: &Task, measured: &Measured) -> anyhow::Result<Self> {
-        let display = |picture: &relume_core::image::Image| pictures::for_display(&task.asset, picture.clone());
+        let display = |picture: &Image| pictures::for_display(&task.asset, picture.clone());
         let rebuilt = display(&measured.over_time.rebuilt);
         let gain = pictures::gain(&rebuilt);
         let of_budget = |(n, budget): (usize, &Budget)| {
@@ -37,7 +39,7 @@ impl Figures {
                     (format!("{}-percent", threshold(error)), format!("relative L2 error of {} %", threshold(error)))
                 }
             };
-            let figure = |(wavelet, pictures): (&OfWavelet, &Vec<_>)| {
+            let figure = |(wavelet, pictures): (&OfWavelet, &Vec<Image>)| {
                 let name = format!("over-time-{}-{name}.png", file_name(wavelet.id));
                 Figure::new(name, &display(&pictures[n]), gain)
             };
@@ -150,7 +152,7 @@ fn by_count(report: &Report, figures: &Figures) -> Markup {
     };
     let row = |wavelet: &OfWavelet| {
         let at = wavelet.at_count()?;
-        let plus = |summary: &relume_core::evaluate::reconstruction::Summary| {
+        let plus = |summary: &Summary| {
             format!("{} ± {}", percent(summary.mean), percent(summary.deviation))
         };
         Some(vec![wavelet.label.to_owned(), plus(&at.h1), plus(&at.l2), plus(&at.h1_over_time), thesis(wavelet)])
