@@ -2,6 +2,7 @@
 
 mod cli;
 mod cli_sets;
+mod compact;
 mod compression;
 mod evaluate;
 mod hdr;

@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 
 use relume_core::Result;
 use relume_core::domain::Directions;
+use relume_core::field::compress::{Scheme, compress};
 use relume_core::field::{
-    Access, Asset, BLOCK_HEIGHT, BLOCK_WIDTH, Bands, Contents, NewLayer, Precision, add_layers, write,
+    Access, Asset, BLOCK_HEIGHT, BLOCK_WIDTH, Bands, Contents, Kind, NewLayer, Precision, add_layers, write,
 };
 use relume_core::illumination::EnvMap;
 use relume_core::image::{EncodeOptions, Image, Window, srgb};
 use relume_core::math::Vec3;
+use relume_core::reconstruct::Method;
 use relume_core::relight::{Light, Look, Relighter};
+use relume_core::wavelet::Wavelet;
 use relume_tests::host::{Components, Context, Depth, Host, Instance, Options, Rect, RenderArgs, TestImage};
 
 const WIDTH: usize = 53;
@@ -225,6 +228,58 @@ fn normals_and_albedo_are_outputs_that_need_no_light() {
         instance.set_string("asset", &props.asset.display().to_string());
         let failed = instance.render(&RenderArgs::default());
         assert_ne!(failed.status, 0, "an asset without albedo");
+    });
+}
+
+#[test]
+fn an_asset_with_several_representations_is_lit_by_the_one_that_is_chosen() {
+    let mut props = Props::new();
+    for (n, scheme) in [
+        Scheme::Factored { error: 0.02 },
+        Scheme::Harmonics { functions: 9 },
+        Scheme::Wavelet {
+            wavelet: Wavelet::Daubechies97,
+            grid: (32, 16),
+            reconstruction: Method::BSpline,
+            error: Some(0.01),
+            terms: None,
+        },
+    ]
+    .iter()
+    .enumerate()
+    {
+        let source = Asset::open(&props.asset, Access::Read).unwrap();
+        let with_one_more = props.folder.path().join(format!("{n}.rfield"));
+        compress(&source, &with_one_more, scheme, &Kind::ALL, &mut |_, _, _| Ok(())).unwrap();
+        props.asset = with_one_more;
+    }
+    with_instance(Options::default(), Context::Generator, |instance| {
+        props.set(instance);
+        let picture = |choice: i32| {
+            instance.set_int("representation", choice);
+            instance.changed(c"OfxTypeParameter", "representation");
+            instance.render(&RenderArgs::default()).unwrap()
+        };
+        let automatic = picture(0);
+        assert!(instance.string("status").contains("24 lamps, factored."), "{}", instance.string("status"));
+        for (choice, kind) in (1..).zip(Kind::ALL) {
+            let look = Look { representation: Some(kind), ..Look::default() };
+            let expected = props.element(&look, None);
+            let made = picture(choice);
+            close(&made, &expected, 1e-6);
+            close(&instance.render_tiles(&RenderArgs::default(), 33), &expected, 1e-6);
+            assert_eq!(made.largest_difference(&automatic) == 0.0, kind == Kind::Factored, "{kind:?}");
+        }
+        // Not held: told, and cleared.
+        let alone = props.folder.path().join("alone.rfield");
+        let source = Asset::open(&props.asset, Access::Read).unwrap();
+        compress(&source, &alone, &Scheme::Harmonics { functions: 9 }, &[], &mut |_, _, _| Ok(())).unwrap();
+        instance.set_string("asset", &alone.display().to_string());
+        instance.set_int("representation", 3);
+        assert!(instance.render(&RenderArgs::default()).failed());
+        instance.changed(c"OfxTypeParameter", "asset");
+        let status = instance.string("status");
+        assert!(status.contains("no `wavelet` representation"), "{status}");
     });
 }
 

@@ -5,15 +5,32 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args, ValueEnum};
 use relume_core::field::compress::{Scheme, Stage, compress};
 use relume_core::field::{Access, Asset, Kind};
+use relume_core::settings;
+use relume_core::wavelet::Wavelet;
 
 use super::info::Info;
 use super::relight::AccessChoice;
+use super::values;
 use crate::progress::{Progress, Unit};
 
 const EXAMPLES: &str = "\
 Examples:
-  relume compress vase.rfield -o small.rfield --harmonic 25
-  relume compress vase.rfield -o soft.rfield --harmonic 225 --keep dense";
+  relume compress vase.rfield -o small.rfield --factored
+  relume compress vase.rfield -o small.rfield --factored --error 0.04 --keep dense
+  relume compress vase.rfield -o wave.rfield --wavelet 9/7 --error 0.01
+  relume compress vase.rfield -o wave.rfield --wavelet 5/3 --grid 128x32 --terms 256 --keep all
+  relume compress vase.rfield -o soft.rfield --harmonic 25
+
+Factored is for all light: lamps, maps and any reconstruction work as with the samples, several times faster. Wavelets have
+functions rebuilt on a fine grid, once, by --reconstruct. Harmonics are smooth: for soft light alone.
+
+What is lost is measured as it is stored, for each pixel, and told by `relume info`. An asset with several representations is lit by
+the best (relight --representation).";
+
+/// A relative error that relit pictures hardly show: they are off by a part of it.
+const FACTORED_ERROR: f64 = 0.02;
+/// For each reflectance function.
+const WAVELET_ERROR: f64 = 0.01;
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -24,9 +41,29 @@ pub struct Arguments {
     /// The .rfield file to write; may be the same.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// Tiles of low rank: the samples, several times smaller and faster to light.
+    #[arg(long, group = "scheme")]
+    factored: bool,
+    /// For each pixel a set of wavelet coefficients: haar, 5/3 or 9/7.
+    #[arg(long, value_name = "WAVELET", group = "scheme", value_parser = wavelet)]
+    wavelet: Option<Wavelet>,
     /// Spherical harmonics, for soft light alone: 25 or 225 (any square number from 4 to 625).
-    #[arg(long, value_name = "N", group = "scheme")]
+    #[arg(long, value_name = "N", group = "scheme", conflicts_with_all = ["error", "terms"])]
     harmonic: Option<usize>,
+    /// The relative error, above 0 and below 1: of the field for --factored (0.02 if not given), of every reflectance function for
+    /// --wavelet (0.01 if neither this nor --terms is given).
+    #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = error)]
+    error: Option<f64>,
+    /// The most coefficients of a pixel; beside --error, the first that is met counts.
+    #[arg(long, value_name = "N", requires = "wavelet", allow_negative_numbers = true, value_parser = terms)]
+    terms: Option<usize>,
+    /// The grid of the wavelets: longitudes x angles from the axis, over the coverage of the lamps.
+    #[arg(long, value_name = "WxH", requires = "wavelet", default_value = "256x64", value_parser = values::grid)]
+    grid: (usize, usize),
+    /// How functions are rebuilt on the grid.
+    #[arg(long, value_name = "METHOD", requires = "wavelet", default_value = "b-spline",
+          value_parser = values::choice(&settings::RECONSTRUCTION))]
+    reconstruct: usize,
     /// What stays beside the new representation: dense (the samples), factored, wavelet, harmonics, as far as the field has
     /// them, or all. Nothing does if this is not given.
     #[arg(long, value_enum, value_name = "FORM,FORM", value_delimiter = ',')]
@@ -75,9 +112,16 @@ impl Arguments {
     }
 
     fn plan(self) -> anyhow::Result<Plan> {
-        let scheme = match self.harmonic {
-            Some(functions) => Scheme::Harmonics { functions },
-            None => anyhow::bail!("say how: --harmonic N"),
+        let scheme = match (self.wavelet, self.harmonic) {
+            (Some(wavelet), _) => Scheme::Wavelet {
+                wavelet,
+                grid: self.grid,
+                reconstruction: settings::method(self.reconstruct),
+                error: self.error.or(self.terms.is_none().then_some(WAVELET_ERROR)),
+                terms: self.terms,
+            },
+            (None, Some(functions)) => Scheme::Harmonics { functions },
+            (None, None) => Scheme::Factored { error: self.error.unwrap_or(FACTORED_ERROR) },
         };
         let keep = self.keep.iter().flat_map(|keep| keep.kinds()).collect();
         Ok(Plan { asset: self.asset, access: self.access.into(), output: self.output, scheme, keep })
@@ -103,5 +147,85 @@ impl Plan {
         drop(bar);
         let made = Asset::open(&self.output, Access::Read)?;
         Ok(Info::of(&made).held())
+    }
+}
+
+fn wavelet(text: &str) -> Result<Wavelet, String> {
+    text.parse().map_err(|_| {
+        let ids: Vec<&str> = Wavelet::ALL.iter().map(|wavelet| wavelet.id()).collect();
+        format!("it must be one of {}", ids.join(", "))
+    })
+}
+
+/// A part, not percent.
+fn error(text: &str) -> Result<f64, String> {
+    if let Some(percent) = text.strip_suffix('%').and_then(|number| values::finite(number.trim()).ok()) {
+        return Err(format!("in place of percent write a part: {}", percent / 100.0));
+    }
+    let value = values::finite(text)?;
+    if value > 0.0 && value < 1.0 {
+        return Ok(value);
+    }
+    let all = if value == 0.0 { " (nothing lost is what the samples are: keep them)" } else { "" };
+    Err(format!("not above 0 and below 1, as in 0.02{all}"))
+}
+
+fn terms(text: &str) -> Result<usize, String> {
+    text.parse().ok().filter(|n| *n > 0).ok_or_else(|| "not a whole number from 1 on".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use relume_core::reconstruct::Method;
+
+    use super::*;
+    use crate::commands::testing;
+
+    fn plan(line: &str) -> Plan {
+        testing::parse::<Arguments>(line).unwrap().plan().unwrap()
+    }
+
+    #[test]
+    fn defaults_are_those_of_the_help() {
+        assert_eq!(plan("compress a.rfield -o b.rfield --factored").scheme, Scheme::Factored { error: 0.02 });
+        let of = |wavelet, error, terms| Scheme::Wavelet {
+            wavelet,
+            grid: (256, 64),
+            reconstruction: Method::BSpline,
+            error,
+            terms,
+        };
+        let given = plan("compress a.rfield -o b.rfield --wavelet 9/7");
+        assert_eq!((given.scheme, given.keep), (of(Wavelet::Daubechies97, Some(0.01), None), vec![]));
+        let given = plan("compress a.rfield -o b.rfield --wavelet 5/3 --terms 256 --keep dense,factored");
+        assert_eq!(given.scheme, of(Wavelet::LeGall53, None, Some(256)));
+        assert_eq!(given.keep, [Kind::Dense, Kind::Factored]);
+        let given = plan("compress a.rfield -o b.rfield --harmonic 225 --keep all");
+        assert_eq!((given.scheme, given.keep), (Scheme::Harmonics { functions: 225 }, Kind::ALL.to_vec()));
+    }
+
+    #[test]
+    fn wrong_usage_is_refused_by_the_parser() {
+        for (options, word) in [
+            ("", "--factored"),
+            ("--factored --harmonic 25", "--harmonic"),
+            ("--factored --error 0", "keep them"),
+            ("--factored --error -0.1", "above 0"),
+            ("--factored --error 1", "below 1"),
+            ("--factored --error nan", "nan"),
+            ("--factored --error 2%", "0.02"),
+            ("--factored --terms 4", "--wavelet"),
+            ("--wavelet 9/7 --terms 0", "from 1 on"),
+            ("--wavelet 9/7 --terms 1.5", "from 1 on"),
+            ("--wavelet db4", "9/7"),
+            ("--wavelet 9/7 --grid 64", "256x64"),
+            ("--wavelet 9/7 --keep some", "dense"),
+            ("--harmonic 25 --terms 4", "--terms"),
+            ("--harmonic 25 --error 0.1", "--error"),
+        ] {
+            let line = format!("compress a.rfield -o b.rfield {options}");
+            let message = testing::parse::<Arguments>(&line).unwrap_err().to_string();
+            assert!(message.contains(word), "{line}: no `{word}` in {message}");
+        }
     }
 }

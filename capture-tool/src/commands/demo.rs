@@ -21,6 +21,7 @@ use relume_core::simulate::{
     Camera, Class, ClassMap, Quality, Scene, Stage, classes, demo_lamps, grid_lamps, lights, truth,
 };
 
+use super::values;
 use crate::progress::{Progress, Unit};
 use crate::sheet;
 
@@ -58,15 +59,12 @@ pub struct Arguments {
 const MOST_LAMPS: usize = 4 * LAMPS;
 
 fn grid(text: &str) -> Result<(usize, usize), String> {
-    let parts = text.split_once(['x', 'X']).and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
-    match parts {
-        Some((longitudes, latitudes)) if longitudes >= 4 && latitudes >= 2 => {
-            let fits = usize::checked_mul(longitudes, latitudes).is_some_and(|lamps| lamps <= MOST_LAMPS);
-            if fits { Ok((longitudes, latitudes)) } else { Err(format!("more than {MOST_LAMPS} lamps")) }
-        }
-        Some(_) => Err("fewer than 4 longitudes or 2 latitudes".to_owned()),
-        None => Err("not longitudes x latitudes, as in 64x20".to_owned()),
+    let (longitudes, latitudes) = values::grid(text)?;
+    if longitudes < 4 || latitudes < 2 {
+        return Err("fewer than 4 longitudes or 2 latitudes".to_owned());
     }
+    let fits = usize::checked_mul(longitudes, latitudes).is_some_and(|lamps| lamps <= MOST_LAMPS);
+    if fits { Ok((longitudes, latitudes)) } else { Err(format!("more than {MOST_LAMPS} lamps")) }
 }
 
 /// A light, and the picture of it that was made without the stage.

@@ -104,6 +104,12 @@ pub fn pixel(text: &str) -> Result<[usize; 2], String> {
     listed(text, count)
 }
 
+/// Columns x rows of a grid.
+pub fn grid(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once(['x', 'X']).and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    parts.ok_or_else(|| "not two whole numbers with an x between, as in 64x20 or 256x64".to_owned())
+}
+
 fn count(text: &str) -> Result<usize, String> {
     text.parse().map_err(|_| format!("`{text}` is not a whole number from 0 on"))
 }
@@ -139,14 +145,6 @@ pub fn keep(text: &str) -> Result<Keep, String> {
         Err(_) if text.contains('.') || text.contains(',') => part(finite(text)?),
         Err(_) => Err(WANTED.to_owned()),
     }
-}
-
-/// A grid as `256x64`: columns and rows.
-pub fn grid(text: &str) -> Result<(usize, usize), String> {
-    const WANTED: &str = "not columns x rows, as in 256x64";
-    let (columns, rows) = text.split_once('x').ok_or_else(|| WANTED.to_owned())?;
-    let side = |text: &str| usize::from_str(text.trim()).map_err(|_| WANTED.to_owned());
-    Ok((side(columns)?, side(rows)?))
 }
 
 /// A number of things, at least one.

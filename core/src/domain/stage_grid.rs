@@ -1,7 +1,7 @@
 //! The grid of directions that compact fields are rebuilt on.
 
 use std::f64::consts::{PI, TAU};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::grid::TOLERANCE_RAD;
 use super::{Axis, Coverage, Directions};
@@ -25,8 +25,10 @@ const MOST_COLUMNS: usize = 2048;
 pub struct StageGrid {
     columns: usize,
     rows: usize,
-    half_angle_rad: f64,
-    directions: Arc<Directions>,
+    axis: Axis,
+    coverage: Coverage,
+    /// Built when they are asked for: some 50 ms for 256 x 64.
+    directions: OnceLock<Arc<Directions>>,
 }
 
 impl StageGrid {
@@ -36,10 +38,7 @@ impl StageGrid {
     /// Sides that are odd, too small, or finer than a grid's rings are told apart.
     pub fn new(over: &Directions, size: (usize, usize)) -> Result<Self> {
         let (columns, rows) = size;
-        let half_angle_rad = match over.coverage() {
-            Coverage::Sphere => PI,
-            Coverage::Cap { half_angle_rad } => half_angle_rad,
-        };
+        let half_angle_rad = half_angle_rad(over.coverage());
         // A little more than the tolerance, so that rounding cannot merge two rings.
         let most_rows = (half_angle_rad / (1.01 * TOLERANCE_RAD)) as usize;
         let fits = (FEWEST_COLUMNS..=MOST_COLUMNS).contains(&columns) && (FEWEST_ROWS..=most_rows).contains(&rows);
@@ -50,14 +49,7 @@ impl StageGrid {
             );
             return Err(Error::invalid("grid", format!("{columns} x {rows}"), expected));
         }
-        let axis = over.axis();
-        let texel = |n: usize| {
-            let longitude = -PI + TAU * ((n % columns) as f64 + 0.5) / columns as f64;
-            direction(axis, longitude, half_angle_rad * ((n / columns) as f64 + 0.5) / rows as f64)
-        };
-        let texels = (0..columns * rows).map(texel).collect();
-        let directions = Arc::new(Directions::with_coverage(texels, axis, over.coverage())?);
-        Ok(Self { columns, rows, half_angle_rad, directions })
+        Ok(Self { columns, rows, axis: over.axis(), coverage: over.coverage(), directions: OnceLock::new() })
     }
 
     /// Columns and rows.
@@ -72,13 +64,33 @@ impl StageGrid {
 
     /// The angle from the axis to the end of the last row, radians.
     pub fn half_angle_rad(&self) -> f64 {
-        self.half_angle_rad
+        half_angle_rad(self.coverage)
     }
 
     /// The texels' directions, row after row from the axis on, as a set of lamps of the same axis and coverage: light is
-    /// projected onto them as onto lamps.
-    pub fn directions(&self) -> &Arc<Directions> {
-        &self.directions
+    /// projected onto them as onto lamps. Two threads that ask first both build them; the result is the same.
+    ///
+    /// # Errors
+    /// None for a grid that could be made.
+    pub fn directions(&self) -> Result<&Arc<Directions>> {
+        if let Some(built) = self.directions.get() {
+            return Ok(built);
+        }
+        let (columns, rows, end) = (self.columns, self.rows, self.half_angle_rad());
+        let texel = |n: usize| {
+            let longitude = -PI + TAU * ((n % columns) as f64 + 0.5) / columns as f64;
+            direction(self.axis, longitude, end * ((n / columns) as f64 + 0.5) / rows as f64)
+        };
+        let texels = (0..self.texels()).map(texel).collect();
+        let built = Arc::new(Directions::with_coverage(texels, self.axis, self.coverage)?);
+        Ok(self.directions.get_or_init(|| built))
+    }
+}
+
+fn half_angle_rad(coverage: Coverage) -> f64 {
+    match coverage {
+        Coverage::Sphere => PI,
+        Coverage::Cap { half_angle_rad } => half_angle_rad,
     }
 }
 
@@ -111,7 +123,7 @@ mod tests {
         ] {
             for (columns, rows) in [(8, 4), (64, 20), (256, 64), (10, 254)] {
                 let grid = StageGrid::new(&set(axis, coverage), (columns, rows)).unwrap();
-                let domain = grid.directions();
+                let domain = grid.directions().unwrap();
                 assert_eq!((domain.axis(), domain.coverage()), (axis, coverage));
                 assert_eq!((domain.sites().len(), grid.texels()), (columns * rows, columns * rows));
                 let found = LatLongGrid::find(domain).unwrap();
@@ -131,7 +143,7 @@ mod tests {
     fn the_first_texels_lie_where_they_are_said_to() {
         let dome = set(Axis::Y, Coverage::Cap { half_angle_rad: FRAC_PI_2 });
         let grid = StageGrid::new(&dome, (256, 64)).unwrap();
-        let texel = |column: usize, row: usize| grid.directions().lamps()[row * 256 + column];
+        let texel = |column: usize, row: usize| grid.directions().unwrap().lamps()[row * 256 + column];
         assert!(texel(0, 0).y > 0.9999 && texel(0, 63).y < 0.013 && texel(0, 63).y > 0.0);
         let step = TAU / 256.0;
         for (column, towards) in [(0, -Vec3::z()), (64, -Vec3::x()), (128, Vec3::z()), (192, Vec3::x())] {

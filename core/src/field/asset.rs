@@ -8,10 +8,12 @@ use rayon::prelude::*;
 
 use super::archive::{self, Entries};
 use super::dense::{Dense, Layout};
+use super::factored::{Described, Factored};
 use super::harmonics::Harmonics;
 use super::manifest::{Kind, Manifest, Precision, Representation};
 use super::npy;
 use super::samples::Samples;
+use super::sparse::Sparse;
 use super::store::{Access, Scratch, Store};
 use crate::domain::Directions;
 use crate::error::{Error, Result};
@@ -29,6 +31,8 @@ pub struct Asset {
     domain: Arc<Directions>,
     dense: Option<Dense>,
     harmonics: Option<Harmonics>,
+    factored: Option<Factored>,
+    sparse: Option<Sparse>,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
     normals: Option<Picture>,
@@ -53,7 +57,7 @@ impl Asset {
         let store = Arc::new(Store::open(path, access)?);
         let open = Opening { store: &store, entries: &entries, place: &place };
         let (w, h) = (manifest.width, manifest.height);
-        let (mut dense, mut harmonics) = (None, None);
+        let (mut dense, mut harmonics, mut factored, mut sparse) = (None, None, None, None);
         for representation in &manifest.representations {
             if let Some(loss) = representation.loss() {
                 open.array(&loss.errors, Precision::Half.descr(), &[h, w], Precision::Half.bytes())?;
@@ -67,13 +71,12 @@ impl Asset {
                     let layout = Layout { width: w, height: h, elements: *functions };
                     harmonics = Some(Harmonics::new(open.dense(array, layout, Precision::Half, *scale)?, &domain));
                 }
-                Representation::Factored { .. } | Representation::Wavelet { .. } => {
-                    return Err(Error::Unsupported {
-                        place,
-                        what: format!("representation `{}`", representation.kind().id()),
-                        advice: "use a newer Relume".to_owned(),
-                    });
+                Representation::Factored { tile, ranks, left, right, scale, .. } => {
+                    let layout = Layout { width: w, height: h, elements: domain.len() };
+                    let described = Described { layout, tile: *tile, ranks, left, right, scale: *scale };
+                    factored = Some(Factored::open(&open, &store, &described)?);
                 }
+                Representation::Wavelet { .. } => sparse = Sparse::open(&open, &domain, (w, h), representation)?,
             }
         }
         let layer = |name: &str, shape: &[usize]| -> Result<Option<Vec<f32>>> {
@@ -96,6 +99,8 @@ impl Asset {
             domain: Arc::new(domain),
             dense,
             harmonics,
+            factored,
+            sparse,
             ambient,
             alpha,
             normals,
@@ -150,6 +155,16 @@ impl Asset {
         self.harmonics.as_ref()
     }
 
+    /// The factored field, if the asset holds one.
+    pub fn factored(&self) -> Option<&Factored> {
+        self.factored.as_ref()
+    }
+
+    /// The wavelet coefficients, if the asset holds them.
+    pub fn sparse(&self) -> Option<&Sparse> {
+        self.sparse.as_ref()
+    }
+
     /// The samples at the lamps, as photographed or decoded.
     ///
     /// # Errors
@@ -157,6 +172,9 @@ impl Asset {
     pub fn samples(&self) -> Result<Samples<'_>> {
         if let Some(dense) = &self.dense {
             return Ok(Samples::Dense(dense));
+        }
+        if let Some(factored) = &self.factored {
+            return Ok(Samples::Factored(factored));
         }
         let held: Vec<&str> = self.manifest.representations.iter().map(|r| r.kind().id()).collect();
         Err(Error::Unsupported {
@@ -325,12 +343,17 @@ fn floats(store: &Store, range: &Range<u64>, place: &str) -> Result<Vec<f32>> {
 
 /// What opening an array needs.
 pub(super) struct Opening<'a> {
-    store: &'a Arc<Store>,
+    pub store: &'a Arc<Store>,
     entries: &'a Entries,
-    place: &'a str,
+    pub place: &'a str,
 }
 
 impl Opening<'_> {
+    /// How an entry is named in messages.
+    pub fn at(&self, entry: &str) -> String {
+        format!("{}, {entry}", self.place)
+    }
+
     /// Coefficient pictures in blocks.
     fn dense(&self, entry: &str, layout: Layout, precision: Precision, scale: f32) -> Result<Dense> {
         let start = self.array(entry, precision.descr(), &layout.shape(), precision.bytes())?.start;

@@ -22,6 +22,8 @@
 //! | `store` | how bytes arrive: mapped or read |
 //! | `dense` | one coefficient picture per element |
 //! | `harmonics` | coefficient pictures of spherical harmonics |
+//! | `factored` | tiles of low rank |
+//! | `sparse` | wavelet coefficients of each pixel |
 //! | `samples` | the samples at the lamps, as photographed or decoded |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
@@ -32,21 +34,25 @@ mod archive;
 mod asset;
 pub mod compress;
 mod dense;
+mod factored;
 mod harmonics;
 mod manifest;
 mod mapping;
 mod npy;
 mod rewrite;
 mod samples;
+mod sparse;
 mod store;
 mod writer;
 
 pub use asset::Asset;
 pub use dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout};
+pub use factored::{Factored, Tiles};
 pub use harmonics::Harmonics;
 pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
 pub use rewrite::{NewLayer, add_layers};
 pub use samples::Samples;
+pub use sparse::{Sparse, TermBuffer, Terms};
 pub use store::Access;
 pub use writer::{Bands, Contents, write};
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, CHANNELS, Dense, Layout};
+use super::factored::Factored;
 use super::manifest::Kind;
 use crate::error::{Error, Result};
 
@@ -11,6 +12,8 @@ use crate::error::{Error, Result};
 pub enum Samples<'a> {
     /// As photographed.
     Dense(&'a Dense),
+    /// Decoded from tiles of low rank.
+    Factored(&'a Factored),
 }
 
 impl Samples<'_> {
@@ -18,6 +21,7 @@ impl Samples<'_> {
     pub fn kind(&self) -> Kind {
         match self {
             Samples::Dense(_) => Kind::Dense,
+            Samples::Factored(_) => Kind::Factored,
         }
     }
 
@@ -25,6 +29,7 @@ impl Samples<'_> {
     pub fn layout(&self) -> Layout {
         match self {
             Samples::Dense(dense) => dense.layout(),
+            Samples::Factored(factored) => factored.layout(),
         }
     }
 
@@ -32,6 +37,7 @@ impl Samples<'_> {
     pub fn path(&self) -> &Path {
         match self {
             Samples::Dense(dense) => dense.path(),
+            Samples::Factored(factored) => factored.path(),
         }
     }
 
@@ -39,6 +45,7 @@ impl Samples<'_> {
     pub fn scale(&self) -> f32 {
         match self {
             Samples::Dense(dense) => dense.scale(),
+            Samples::Factored(factored) => factored.scale(),
         }
     }
 
@@ -49,6 +56,7 @@ impl Samples<'_> {
     pub fn read(&self, bx: usize, by: usize, c: usize, room: &mut BlockBuffer, out: &mut Vec<f32>) -> Result<()> {
         match self {
             Samples::Dense(dense) => dense.block(bx, by, c, room)?.expand(out),
+            Samples::Factored(factored) => factored.decode((bx, by, c), room, out)?,
         }
         let Some(at) = out.iter().position(|v| !v.is_finite()) else { return Ok(()) };
         let (x, y) = (bx * BLOCK_WIDTH + at % BLOCK_WIDTH, by * BLOCK_HEIGHT + at % BLOCK_PIXELS / BLOCK_WIDTH);

@@ -6,6 +6,7 @@
 
 pub mod harmonics;
 pub mod latlong;
+pub mod low_rank;
 mod orientation;
 pub mod projection;
 

@@ -1,11 +1,11 @@
 //! The loop over blocks.
 
-use rayon::prelude::*;
-
 use super::Weights;
+use super::factored::apply_factored;
 use super::kernels::{self, Isa, Sums, TOGETHER};
-use crate::error::{Error, Result};
-use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Samples};
+use super::strips::{by_rows, check, rows_of};
+use crate::error::Result;
+use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout, Samples};
 use crate::image::{Image, Window};
 
 /// `T L` for several illuminations at once: one picture of the window's size (RGB) per set of weights. The field is
@@ -19,6 +19,7 @@ use crate::image::{Image, Window};
 pub fn apply(samples: Samples<'_>, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
     match samples {
         Samples::Dense(dense) => apply_dense(dense, weights, window),
+        Samples::Factored(factored) => apply_factored(factored, weights, window),
     }
 }
 
@@ -27,79 +28,87 @@ pub fn apply(samples: Samples<'_>, weights: &[&Weights], window: Window) -> Resu
 /// # Errors
 /// As [`apply`].
 pub(super) fn apply_dense(dense: &Dense, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
-    let layout = dense.layout();
-    if let Some(wrong) = weights.iter().find(|w| w.factors().len() != layout.elements) {
-        let found = format!("{} weights", wrong.factors().len());
-        return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
-    }
-    if window.x1 > layout.width || window.y1 > layout.height {
-        let expected = format!("one inside {} x {}", layout.width, layout.height);
-        return Err(Error::invalid("window", format!("{window:?}"), expected));
-    }
-    let mut pictures: Vec<Image> = weights.iter().map(|_| Image::new(window.width(), window.height(), 3)).collect();
-    if window.is_empty() || weights.is_empty() {
-        return Ok(pictures);
-    }
-    let stream = Stream { dense, weights: prepare(dense, weights), window, isa: Isa::detect() };
-    // Each row of blocks owns its rows of every picture.
-    let (_, rows) = layout.blocks(window);
-    let mut strips: Vec<(usize, Vec<&mut [f32]>)> = rows.map(|by| (by, Vec::new())).collect();
-    for picture in &mut pictures {
-        let mut rest = picture.data_mut();
-        for (by, strip) in &mut strips {
-            let height = stream.rows_of(*by).len();
-            let (own, after) = rest.split_at_mut(height * window.width() * 3);
-            strip.push(own);
-            rest = after;
-        }
-    }
-    strips.into_par_iter().try_for_each(|(by, mut strip)| stream.row(by, &mut strip))?;
-    // One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
-    if let Some(bad) = pictures.iter().find_map(|p| p.data().iter().position(|v| !v.is_finite()).map(|at| at / 3)) {
-        let (x, y) = (window.x0 + bad % window.width(), window.y0 + bad / window.width());
-        let place = format!("{}, pixel ({x}, {y})", dense.path().display());
-        return Err(Error::invalid(
-            place,
-            "a number that is not finite",
-            "finite transport (`relume verify` tells whether the file was damaged)",
-        ));
-    }
-    Ok(pictures)
+    check(dense.layout(), weights, window)?;
+    let lights = weights.len();
+    let weights = std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, dense.scale())).collect());
+    stream(&Whole { dense, weights }, lights, window)
 }
 
-/// For each channel, each illumination's weights, the field's scale included.
-fn prepare(dense: &Dense, weights: &[&Weights]) -> [Vec<Vec<f32>>; 3] {
-    std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, dense.scale())).collect())
+/// Where blocks come from, and what their numbers are multiplied by.
+pub(super) trait Source: Sync {
+    /// Sizes of the pictures.
+    fn layout(&self) -> Layout;
+
+    /// The file, for messages.
+    fn path(&self) -> &std::path::Path;
+
+    /// The numbers of a block.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read.
+    fn block<'a>(&'a self, bx: usize, by: usize, c: usize, buffer: &'a mut BlockBuffer) -> Result<Block<'a>>;
+
+    /// For each illumination one factor an element of that block, the field's scale included.
+    fn factors(&self, bx: usize, by: usize, c: usize) -> &[Vec<f32>];
+}
+
+/// Coefficient pictures: the same factors everywhere.
+struct Whole<'a> {
+    dense: &'a Dense,
+    /// Channel by channel.
+    weights: [Vec<Vec<f32>>; 3],
+}
+
+impl Source for Whole<'_> {
+    fn layout(&self) -> Layout {
+        self.dense.layout()
+    }
+
+    fn path(&self) -> &std::path::Path {
+        self.dense.path()
+    }
+
+    fn block<'a>(&'a self, bx: usize, by: usize, c: usize, buffer: &'a mut BlockBuffer) -> Result<Block<'a>> {
+        self.dense.block(bx, by, c, buffer)
+    }
+
+    fn factors(&self, _: usize, _: usize, c: usize) -> &[Vec<f32>] {
+        &self.weights[c]
+    }
+}
+
+/// One pass over the blocks of a window: a picture an illumination.
+///
+/// # Errors
+/// Bytes that cannot be read, NaN in the field.
+pub(super) fn stream(source: &impl Source, lights: usize, window: Window) -> Result<Vec<Image>> {
+    let stream = Stream { source, window, isa: Isa::detect() };
+    by_rows(source.layout(), source.path(), lights, window, |by, strips| stream.row(by, strips))
 }
 
 /// One pass over a field.
-struct Stream<'a> {
-    dense: &'a Dense,
-    weights: [Vec<Vec<f32>>; 3],
+struct Stream<'a, S> {
+    source: &'a S,
     window: Window,
     isa: Isa,
 }
 
-impl Stream<'_> {
-    /// Rows of the picture that row `by` of blocks has inside the window.
-    fn rows_of(&self, by: usize) -> std::ops::Range<usize> {
-        (by * BLOCK_HEIGHT).max(self.window.y0)..((by + 1) * BLOCK_HEIGHT).min(self.window.y1)
-    }
-
+impl<S: Source> Stream<'_, S> {
     /// One row of blocks into one strip a picture.
     fn row(&self, by: usize, strips: &mut [&mut [f32]]) -> Result<()> {
-        let (columns, _) = self.dense.layout().blocks(self.window);
+        let (columns, _) = self.source.layout().blocks(self.window);
         let (mut buffer, mut floats) = (BlockBuffer::default(), Vec::new());
         for bx in columns {
             for c in 0..3 {
-                let block = self.dense.block(bx, by, c, &mut buffer)?;
-                if let [weights] = &self.weights[c][..] {
+                let block = self.source.block(bx, by, c, &mut buffer)?;
+                let factors = self.source.factors(bx, by, c);
+                if let [weights] = factors {
                     self.scatter(&kernels::block_sums(self.isa, block, weights), bx, by, c, strips[0]);
                     continue;
                 }
                 // Converted once, in cache, and used by every illumination.
                 kernels::expand(self.isa, block, &mut floats);
-                let groups = self.weights[c].chunks(TOGETHER).zip(strips.chunks_mut(TOGETHER));
+                let groups = factors.chunks(TOGETHER).zip(strips.chunks_mut(TOGETHER));
                 for (weights, strips) in groups {
                     self.together(&floats, weights, strips, (bx, by, c));
                 }
@@ -130,7 +139,7 @@ impl Stream<'_> {
     /// Puts a block's sums where the window has them.
     fn scatter(&self, sums: &Sums, bx: usize, by: usize, c: usize, strip: &mut [f32]) {
         const _: () = assert!(BLOCK_PIXELS == BLOCK_WIDTH * BLOCK_HEIGHT);
-        let rows = self.rows_of(by);
+        let rows = rows_of(by, self.window);
         let columns = (bx * BLOCK_WIDTH).max(self.window.x0)..((bx + 1) * BLOCK_WIDTH).min(self.window.x1);
         for y in rows.clone() {
             let line = &mut strip[(y - rows.start) * self.window.width() * 3..][..self.window.width() * 3];

@@ -7,6 +7,9 @@
 //! |---|---|
 //! | `kernels` | block x weights -> 128 sums: the plain loop, and SIMD chosen at run time |
 //! | `apply` | the loop over blocks, on all threads |
+//! | `factored` | the same for tiles of low rank |
+//! | `sparse` | the gather from a transformed light |
+//! | `strips` | pictures made row of blocks by row of blocks, on all threads |
 //! | `look` | what a user can turn |
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
@@ -16,12 +19,15 @@
 
 mod apply;
 mod choice;
+mod factored;
 pub mod kernels;
 mod layers;
 mod look;
 mod prepare;
 mod projections;
 mod relighter;
+mod sparse;
+mod strips;
 
 use crate::field::Kind;
 use crate::image::Conversion;

@@ -54,6 +54,11 @@ impl Projections {
         Ok(Self { used: Some(used), lamps, ..Self::new(Arc::new(left)) })
     }
 
+    /// Is any lamp left out?
+    pub fn leaves_out(&self) -> bool {
+        self.used.is_some()
+    }
+
     /// `integral of U_j(w) L(w) dw` for a map in the stage frame.
     ///
     /// # Errors

@@ -1,13 +1,18 @@
 //! An asset and its cached projections.
 
+use std::sync::OnceLock;
+
 use super::apply::apply_dense;
 use super::choice::{absent, choose};
 use super::projections::Projections;
+use super::sparse::apply_sparse;
 use super::{Look, Weights, apply, prepared};
 use crate::error::{Error, Result};
-use crate::field::{Asset, Kind};
+use crate::field::{Asset, Kind, Samples};
 use crate::illumination::{Beam, EnvMap};
 use crate::image::{ColourSpace, Conversion, Image, Window};
+use crate::reconstruct::{Method, Outside};
+use crate::wavelet::Wavelet;
 
 /// Maps wider than this are averaged down before projection: 0.18 degrees a texel is far below any rig's cell, and the
 /// operator of a larger map would take hundreds of megabytes. Whoever keeps a map for many pictures may [reduce](EnvMap::reduced) it
@@ -31,13 +36,18 @@ pub enum Light<'a> {
 pub struct Relighter {
     asset: Asset,
     projections: Projections,
+    /// Onto the texels of the grid that wavelets live on, built when they light.
+    on_grid: OnceLock<Projections>,
 }
+
+/// Light is projected onto the grid of wavelets by linear interpolation between its texels.
+const ON_GRID: Method = Method::Wavelet(Wavelet::LeGall53);
 
 impl Relighter {
     /// Takes an open asset.
     pub fn new(asset: Asset) -> Self {
         let projections = Projections::new(asset.domain().clone());
-        Self { asset, projections }
+        Self { asset, projections, on_grid: OnceLock::new() }
     }
 
     /// Takes an open asset and leaves some lamps (numbers from 1) out: the reconstruction works around them. A left-out
@@ -47,7 +57,7 @@ impl Relighter {
     /// A number that no lamp has; no lamp left.
     pub fn without(asset: Asset, excluded: &[usize]) -> Result<Self> {
         let projections = Projections::without(asset.domain(), excluded)?;
-        Ok(Self { asset, projections })
+        Ok(Self { asset, projections, on_grid: OnceLock::new() })
     }
 
     /// The asset.
@@ -65,15 +75,23 @@ impl Relighter {
         let kind = self.choose(look.representation, matches!(light, Light::Lamp(_)))?;
         let mut weights = match light {
             Light::Map(map) => {
-                let mut weights = self.projections.map(&prepared(map, look), look.method, look.outside)?;
+                let (projections, method) = self.projected_by(kind, look)?;
+                let mut weights = projections.map(&prepared(map, look), method, look.outside)?;
                 // Colours of the sums in place of those of all texels: projection treats channels alike.
                 weights.convert(&Conversion::between(look.map_space, self.asset.colour_space()));
                 weights
             }
             Light::Beams(beams) => {
-                let mut weights = self.projections.beams(&turned(beams, look), look.method, look.outside)?;
+                let (projections, method) = self.projected_by(kind, look)?;
+                let mut weights = projections.beams(&turned(beams, look), method, look.outside)?;
                 weights.convert(&Conversion::between(ColourSpace::default(), self.asset.colour_space()));
                 weights
+            }
+            // On the grid, a beam from where the lamp stood.
+            Light::Lamp(number) if kind == Kind::Wavelet => {
+                let irradiance = self.lamp(number)?.rgb[number - 1].map(f64::from);
+                let beam = Beam { direction: self.asset.domain().lamps()[number - 1], irradiance };
+                self.projected_by(kind, look)?.0.beams(&[beam], ON_GRID, Outside::Nearest)?
             }
             Light::Lamp(number) => self.lamp(number)?,
         };
@@ -83,14 +101,26 @@ impl Relighter {
 
     /// No light, for one of the representations that the asset holds.
     pub fn dark(&self, kind: Kind) -> Weights {
-        self.multiplying(kind, vec![[0.0; 3]; self.asset.domain().len()])
+        let grid = self.asset.sparse().filter(|_| kind == Kind::Wavelet);
+        let count = grid.map_or(self.asset.domain().len(), |sparse| sparse.grid().texels());
+        self.multiplying(kind, vec![[0.0; 3]; count])
+    }
+
+    /// What projects light for a representation, and by which method.
+    fn projected_by(&self, kind: Kind, look: &Look) -> Result<(&Projections, Method)> {
+        let Some(sparse) = self.asset.sparse().filter(|_| kind == Kind::Wavelet) else {
+            return Ok((&self.projections, look.method));
+        };
+        let texels = sparse.grid().directions()?;
+        Ok((self.on_grid.get_or_init(|| Projections::new(texels.clone())), ON_GRID))
     }
 
     /// Weights with what the coefficients of a representation are multiplied by.
     fn multiplying(&self, kind: Kind, rgb: Vec<[f32; 3]>) -> Weights {
         let coefficients = match kind {
             Kind::Harmonics => self.asset.harmonics().map(|harmonics| harmonics.moments(&rgb)),
-            Kind::Dense | Kind::Factored | Kind::Wavelet => None,
+            Kind::Wavelet => self.asset.sparse().map(|sparse| sparse.transformed(&rgb)),
+            Kind::Dense | Kind::Factored => None,
         };
         Weights { rgb, kind, coefficients }
     }
@@ -100,9 +130,17 @@ impl Relighter {
     /// that there is. It never depends on what a map shows, so it cannot change in the course of an animation.
     ///
     /// # Errors
-    /// A representation that the asset does not hold.
+    /// A representation that the asset does not hold, or that cannot do without the lamps that are left out.
     pub fn choose(&self, wanted: Option<Kind>, captured_lamp: bool) -> Result<Kind> {
-        choose(&self.asset, wanted, captured_lamp)
+        let kind = choose(&self.asset, wanted, captured_lamp)?;
+        if self.projections.leaves_out() && matches!(kind, Kind::Wavelet | Kind::Harmonics) {
+            return Err(Error::Unsupported {
+                place: self.asset.path().display().to_string(),
+                what: format!("leaving lamps out of `{}`, which all lamps have gone into,", kind.id()),
+                advice: "use an asset with samples, or one compressed without these lamps".to_owned(),
+            });
+        }
+        Ok(kind)
     }
 
     fn lamp(&self, number: usize) -> Result<Weights> {
@@ -153,7 +191,14 @@ impl Relighter {
                 let harmonics = self.asset.harmonics().ok_or_else(|| absent(&self.asset, kind))?;
                 apply_dense(harmonics.pictures(), weights, window)
             }
-            Kind::Factored | Kind::Wavelet => Err(absent(&self.asset, kind)),
+            Kind::Factored => {
+                let factored = self.asset.factored().ok_or_else(|| absent(&self.asset, kind))?;
+                apply(Samples::Factored(factored), weights, window)
+            }
+            Kind::Wavelet => {
+                let sparse = self.asset.sparse().ok_or_else(|| absent(&self.asset, kind))?;
+                apply_sparse(sparse, weights, window)
+            }
         }
     }
 

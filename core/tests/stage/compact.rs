@@ -39,7 +39,7 @@ fn still_life(folder: &Path) -> PathBuf {
 }
 
 /// Random radiance; the sun in a dim sky; slivers of light at some headings.
-fn maps() -> Vec<EnvMap> {
+pub fn maps() -> Vec<EnvMap> {
     let noise = |d: &relume_core::math::Vec3| {
         std::array::from_fn(|c| ((d.x * 7.1 + d.y * 5.3 * (c + 1) as f64).sin() * 43.0 + d.z * 17.0).sin().abs() as f32)
     };
@@ -87,7 +87,10 @@ fn used(compact: &Image, reference: &Image, errors: &[f32], weights: &Weights) -
 fn the_error_of_a_pixel_bounds_its_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let source = Asset::open(&still_life(folder.path()), Access::Mapped).unwrap();
-    let schemes = [(Kind::Harmonics, Scheme::Harmonics { functions: 25 })];
+    let schemes = [
+        (Kind::Harmonics, Scheme::Harmonics { functions: 25 }),
+        (Kind::Factored, Scheme::Factored { error: 0.04 }),
+    ];
     for (kind, scheme) in schemes {
         let path = folder.path().join("compact.rfield");
         compress(&source, &path, &scheme, &[Kind::Dense], &mut |_, _, _| Ok(())).unwrap();

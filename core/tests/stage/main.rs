@@ -2,4 +2,5 @@
 
 mod compact;
 mod failed;
+mod sparse;
 mod surface;

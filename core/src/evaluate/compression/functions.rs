@@ -42,7 +42,7 @@ impl<'a> Functions<'a> {
             return Err(Error::invalid("lamps", found, format!("{}, as the field has", samples.layout().elements)));
         }
         let reconstruction = Reconstruction::new(lamps.clone(), method)?;
-        let resampling = Resampling::new(&reconstruction, grid.directions().lamps());
+        let resampling = Resampling::new(&reconstruction, grid.directions()?.lamps());
         Ok(Self { samples, grid, resampling })
     }
 

@@ -23,7 +23,7 @@ impl Sweep {
     /// # Errors
     /// None for a grid, which is one to [`Reconstruction`] too.
     pub fn new(grid: &StageGrid, frames: usize) -> Result<Self> {
-        let linear = Reconstruction::new(grid.directions().clone(), Method::Wavelet(Wavelet::LeGall53))?;
+        let linear = Reconstruction::new(grid.directions()?.clone(), Method::Wavelet(Wavelet::LeGall53))?;
         let operator = Operator::new(Arc::new(linear), Outside::Drop, SLIVER_MAP.0, SLIVER_MAP.1);
         let lit = |weights: Vec<f32>| (0..).zip(weights).filter(|entry| entry.1 != 0.0).collect();
         // Some headings at a time: their weights are dense.

@@ -98,7 +98,7 @@ fn functions_are_those_of_their_pixels() {
         let sampled = samples.reflectance(pixel as usize % SIZE.0, pixel as usize / SIZE.0).unwrap();
         for c in 0..CHANNELS {
             let channel: Vec<f32> = sampled.iter().map(|rgb| rgb[c]).collect();
-            let expected = reconstruction.values(&channel, grid.directions().lamps());
+            let expected = reconstruction.values(&channel, grid.directions().unwrap().lamps());
             let peak = expected.iter().fold(1e-6, |most: f32, v| most.max(v.abs()));
             let off = expected.iter().zip(found.iter().skip(c).step_by(CHANNELS)).map(|(a, b)| (a - b).abs());
             assert!(off.fold(0.0, f32::max) < 1e-4 * peak, "pixel {pixel}, channel {c}");

@@ -11,11 +11,17 @@
 //! | `spool` | arrays that grow in temporary files |
 //! | `errors` | `e_p` and the error reached |
 //! | `harmonics` | spherical harmonics |
+//! | `factored` | tiles of low rank |
+//! | `selection` | the largest terms of a pixel, by count and by error |
+//! | `wavelet` | for each pixel its own set of wavelet coefficients |
 
 mod errors;
+mod factored;
 mod harmonics;
+mod selection;
 mod spool;
 mod survey;
+mod wavelet;
 
 use std::path::Path;
 
@@ -26,6 +32,11 @@ use super::samples::Samples;
 use super::writer::Entries;
 use crate::error::{Error, Result};
 use crate::files::check_folder;
+use crate::reconstruct::Method;
+use crate::wavelet::Wavelet;
+
+/// The grid of wavelets where a user names none: 1.4 degrees a texel over a hemisphere (thesis, 5.4).
+pub const WAVELET_GRID: (usize, usize) = (256, 64);
 
 /// What a field is compressed to.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +45,25 @@ pub enum Scheme {
     Harmonics {
         /// How many.
         functions: usize,
+    },
+    /// Tiles of low rank.
+    Factored {
+        /// The relative error over the whole field, Frobenius, from 0.001 to 1: at most so much. Less where glints have most of
+        /// the energy, so that pictures under even light are off by at most twice as much, in practice far less.
+        error: f64,
+    },
+    /// For each pixel its own set of wavelet coefficients, by `error`, by `terms`, or by the first of them that is met.
+    Wavelet {
+        /// Haar, 5/3 or 9/7.
+        wavelet: Wavelet,
+        /// Longitudes x angles from the axis over the coverage of the lamps, even numbers: [`WAVELET_GRID`].
+        grid: (usize, usize),
+        /// How functions are rebuilt on the grid: [`Method::BSpline`].
+        reconstruction: Method,
+        /// The largest relative error of a reflectance function, all channels together, above 0 and below 1.
+        error: Option<f64>,
+        /// The most coefficients of a pixel.
+        terms: Option<usize>,
     },
 }
 
@@ -69,12 +99,24 @@ pub fn compress(
         return Err(Error::Unsupported {
             place: asset.path().display().to_string(),
             what: "compressing a field that no longer holds its samples as photographed".to_owned(),
-            advice: "compress the asset that it was made from (--keep puts several representations into one)".to_owned(),
+            advice: "compress the asset that it was made from (--keep puts several representations into one)"
+                .to_owned(),
         });
     };
     let samples = Samples::Dense(dense);
     let made: Made = match scheme {
         Scheme::Harmonics { functions } => harmonics::compress(asset, samples, *functions, output, progress)?,
+        Scheme::Factored { error } => factored::compress(samples, *error, output, progress)?,
+        Scheme::Wavelet { wavelet, grid, reconstruction, error, terms } => {
+            let wanted = wavelet::Wanted {
+                wavelet: *wavelet,
+                grid: *grid,
+                reconstruction: *reconstruction,
+                error: *error,
+                terms: *terms,
+            };
+            wavelet::compress(asset, samples, &wanted, output, progress)?
+        }
     };
     let kind = made.kind();
     let stays = |r: &Representation| r.kind() != kind && keep.contains(&r.kind());

@@ -152,9 +152,9 @@ mod tests {
     #[test]
     fn wrong_usage_is_refused_by_the_parser() {
         for (options, words) in [
-            ("--grid 256", "as in 256x64"),
-            ("--grid 256x", "as in 256x64"),
-            ("--grid -8x4", "as in 256x64"),
+            ("--grid 256", "256x64"),
+            ("--grid 256x", "256x64"),
+            ("--grid -8x4", "256x64"),
             ("--pixels 0", "at least 1"),
             ("--pixels many", "whole number"),
             ("--reconstruct cubic", "possible values: zero-order, linear"),

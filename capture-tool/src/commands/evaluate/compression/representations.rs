@@ -11,9 +11,10 @@ use relume_core::field::{Access, Asset, Kind, Precision};
 use relume_core::illumination::EnvMap;
 use relume_core::image::Window;
 use relume_core::relight::{Light, Look, Relighter, Weights};
+use relume_core::wavelet::Wavelet;
 
-use super::measure::Task;
-use super::report::{NotMade, Representations, Row};
+use super::measure::{COUNT, Task};
+use super::report::{NotMade, Representations, Row, THESIS_THRESHOLD, threshold};
 use crate::commands::info::half_samples;
 use crate::progress::{self, Progress, Unit};
 
@@ -26,10 +27,27 @@ const DARK: f64 = 0.01;
 const TURNS: usize = 7;
 
 /// What is tried, each with its name.
-fn candidates() -> Vec<(String, Scheme)> {
+fn candidates(task: &Task) -> Vec<(String, Scheme)> {
+    let factored = |error: f64| (format!("Factored, error {} %", threshold(error)), Scheme::Factored { error });
+    let wavelet = |wavelet: Wavelet, error: Option<f64>, terms: Option<usize>| {
+        let words = match (error, terms) {
+            (Some(error), _) => format!("error {} %", threshold(error)),
+            (None, terms) => format!("{} coefficients", terms.unwrap_or(0)),
+        };
+        let (grid, reconstruction) = (task.grid.size(), task.method);
+        (format!("{} wavelet, {words}", wavelet.id()), Scheme::Wavelet { wavelet, grid, reconstruction, error, terms })
+    };
+    let harmonics = |functions: usize| (format!("{functions} spherical harmonics"), Scheme::Harmonics { functions });
     vec![
-        ("25 spherical harmonics".to_owned(), Scheme::Harmonics { functions: 25 }),
-        ("225 spherical harmonics".to_owned(), Scheme::Harmonics { functions: 225 }),
+        factored(0.01),
+        factored(0.02),
+        factored(0.04),
+        wavelet(Wavelet::Daubechies97, Some(THESIS_THRESHOLD.0), None),
+        wavelet(Wavelet::Daubechies97, Some(0.01), None),
+        wavelet(Wavelet::Daubechies97, Some(0.05), None),
+        wavelet(Wavelet::Daubechies97, None, Some(COUNT)),
+        harmonics(225),
+        harmonics(25),
     ]
 }
 
@@ -57,7 +75,7 @@ pub fn measure(task: &Task, folder: &Path) -> anyhow::Result<Representations> {
         rows: Vec::new(),
         not_made: Vec::new(),
     };
-    let candidates = candidates();
+    let candidates = candidates(task);
     let total = candidates.len() as u64;
     for (n, (name, scheme)) in candidates.into_iter().enumerate() {
         // Removed, with what is in it, before the next one is made.

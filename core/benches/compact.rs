@@ -1,0 +1,254 @@
+//! What compact representations save, and what they cost: bytes and time against the samples they stand for, in the same run.
+//!
+//! `cargo bench -p relume-core --bench compact` photographs the demonstration's still life under 1280 lamps in a temporary
+//! folder (`RELUME_BENCH_DIR` or the system's; 400 MB), imports `painting-72` from `../shared/data` where that is there
+//! (or from `RELUME_DATA`), compresses each, and prints for every representation:
+//!
+//! - how many times smaller it is than samples in halves, its relative error over the field, and how long it took to make;
+//! - the relative L2 error of pictures relit under the four maps of `hdri`, against the samples;
+//! - how many times faster it relights. The two take turns, and both are medians.
+//!
+//! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of a case's name runs that case
+//! alone.
+
+#![allow(clippy::print_stdout, missing_docs)]
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use relume_core::Result;
+use relume_core::acquire::{ImportLp, Measured};
+use relume_core::domain::{Directions, lp::Lengths};
+use relume_core::evaluate::compare;
+use relume_core::field::compress::{Scheme, compress};
+use relume_core::field::{Access, Asset, Contents, Kind, Precision, write};
+use relume_core::illumination::EnvMap;
+use relume_core::image::{self, ColourSpace, EncodeOptions, Encoding, Image, Window};
+use relume_core::relight::{Light, Look, Relighter, Weights};
+use relume_core::simulate::{Camera, Quality, Scene, Stage, grid_lamps};
+
+/// Runs of each; medians count.
+const RUNS: usize = 21;
+/// Columns of the virtual pictures: 377 MB of samples, far beyond any cache.
+const WIDTH: usize = 256;
+const MAPS: [&str; 4] = ["apartment", "city", "night", "park"];
+
+/// A way to store the field.
+struct Candidate {
+    name: String,
+    kind: Kind,
+    scheme: Scheme,
+}
+
+fn factored(error: f64) -> Candidate {
+    Candidate { name: format!("factored {error}"), kind: Kind::Factored, scheme: Scheme::Factored { error } }
+}
+
+fn harmonics(functions: usize) -> Candidate {
+    Candidate { name: format!("harmonics {functions}"), kind: Kind::Harmonics, scheme: Scheme::Harmonics { functions } }
+}
+
+fn main() -> Result<()> {
+    let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
+    let wants = |name: &str| wanted.is_empty() || wanted.iter().any(|part| name.contains(part));
+    let data = std::env::var_os("RELUME_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
+    if !data.is_dir() {
+        println!("skipped: {} absent, and with it the maps to relight with", data.display());
+        return Ok(());
+    }
+    let place = std::env::var_os("RELUME_BENCH_DIR").map_or_else(std::env::temp_dir, PathBuf::from);
+    let folder = place.join(format!("relume-bench-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).map_err(|source| relume_core::Error::io("create", &folder, source))?;
+    let result = run(&wants, &data, &folder);
+    let _ = std::fs::remove_dir_all(&folder);
+    result
+}
+
+fn run(wants: &dyn Fn(&str) -> bool, data: &Path, folder: &Path) -> Result<()> {
+    println!("{} threads; medians of {RUNS} runs", rayon::current_num_threads());
+    if wants("stage-1280") {
+        let path = folder.join("stage-1280.rfield");
+        stage(&path)?;
+        case("stage-1280", &path, data, &[factored(0.04), factored(0.02), harmonics(25), harmonics(225)])?;
+    }
+    if wants("painting-72") {
+        let path = folder.join("painting-72.rfield");
+        painting(data, &path)?;
+        case("painting-72", &path, data, &[factored(0.02), factored(0.04), harmonics(25)])?;
+    }
+    Ok(())
+}
+
+/// Mirror, glass, gold, glossy and diffuse things on a table, under 64 x 20 lamps.
+fn stage(path: &Path) -> Result<()> {
+    let (scene, camera) = (Scene::demo(), Camera::demo(WIDTH, WIDTH * 3 / 4));
+    let domain = Directions::new(grid_lamps(64, 20))?;
+    let stage = Stage::new(&scene, camera, &domain, Quality::default());
+    let contents = Contents {
+        colour_space: ColourSpace::default(),
+        irradiance: vec![std::f32::consts::PI; domain.len()],
+        domain,
+        width: camera.width,
+        height: camera.height,
+        precision: Precision::Half,
+        largest: stage.largest(),
+        ambient: None,
+        alpha: None,
+        provenance: serde_json::json!({"source": "virtual stage"}),
+    };
+    write(path, &contents, &mut stage.bands(&mut |_, _| Ok(())))
+}
+
+/// Photographs, with their noise and the blocks of JPEG.
+fn painting(data: &Path, path: &Path) -> Result<()> {
+    let import = ImportLp {
+        lp: data.join("painting-72/dirs.lp"),
+        encoding: Encoding::Auto,
+        colour_space: ColourSpace::default(),
+        black: None,
+        alpha: None,
+        irradiance: std::f32::consts::PI,
+        measured: Measured::default(),
+        precision: Precision::Half,
+        lengths: Lengths::Unit,
+        exclude: Vec::new(),
+        correction: None,
+    };
+    import.run(path, &mut |_, _| Ok(())).map(drop)
+}
+
+/// All representations of one field.
+fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Result<()> {
+    let dense = Relighter::new(Asset::open(source, Access::Mapped)?);
+    let maps: Vec<EnvMap> =
+        MAPS.iter().map(|map| EnvMap::load(&data.join(format!("hdri/{map}.hdr")))).collect::<Result<_>>()?;
+    let (w, h) = (dense.asset().width(), dense.asset().height());
+    let bytes = dense.asset().bytes(Kind::Dense);
+    println!("\n{name}: {} lamps, {w} x {h}, {:.1} MB", dense.asset().domain().len(), bytes as f64 / 1e6);
+    println!(
+        "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7}",
+        "",
+        "smaller",
+        "error",
+        "made in",
+        "relit",
+        MAPS.join(", "),
+        "samples",
+        "it",
+        "faster"
+    );
+    for candidate in candidates {
+        let path = source.with_extension("compact.rfield");
+        let start = Instant::now();
+        compress(dense.asset(), &path, &candidate.scheme, &[], &mut |_, _, _| Ok(()))?;
+        let made = start.elapsed().as_secs_f64();
+        let compact = Relighter::new(Asset::open(&path, Access::Mapped)?);
+        let errors = relit(&dense, &compact, candidate, &maps, name)?;
+        let (samples, it) = times(&dense, &compact, &maps[3])?;
+        let held = compact.asset().bytes(candidate.kind);
+        let reached = compact.asset().manifest().representations[0].loss().map_or(0.0, |loss| loss.reached);
+        let each: Vec<String> = errors.iter().map(|e| format!("{:.2}", 100.0 * e)).collect();
+        println!(
+            "  {:16} {:7.2}x {:6.2} % {made:6.1} s  {:6.2} % ({:>26})  {:6.2} ms {:6.2} ms {:6.2}x",
+            candidate.name,
+            bytes as f64 / held as f64,
+            100.0 * reached,
+            100.0 * errors.iter().sum::<f64>() / errors.len() as f64,
+            each.join(", "),
+            samples * 1e3,
+            it * 1e3,
+            samples / it
+        );
+        words(compact.asset());
+    }
+    Ok(())
+}
+
+/// What is particular to a representation.
+fn words(asset: &Asset) {
+    if let Some(factored) = asset.factored() {
+        let (tiles, ranks) = (factored.tiles(), factored.ranks());
+        let sum: usize = ranks.iter().map(|&rank| rank as usize).sum();
+        let left: usize = ranks.iter().enumerate().map(|(tile, &rank)| rank as usize * tiles.matrix_rows(tile)).sum();
+        println!(
+            "  {:16} tiles of {} x {}, ranks {} to {}, mean {:.1}, {} of {} black; B is {:.2} of A",
+            "",
+            tiles.size[0],
+            tiles.size[1],
+            ranks.iter().min().unwrap_or(&0),
+            ranks.iter().max().unwrap_or(&0),
+            sum as f64 / ranks.len() as f64,
+            ranks.iter().filter(|&&rank| rank == 0).count(),
+            ranks.len(),
+            (sum * tiles.layout.elements) as f64 / left as f64
+        );
+    }
+}
+
+/// Relative L2 errors of the pictures, map after map.
+fn relit(
+    dense: &Relighter,
+    compact: &Relighter,
+    candidate: &Candidate,
+    maps: &[EnvMap],
+    name: &str,
+) -> Result<Vec<f64>> {
+    let mut errors = Vec::new();
+    for (map, map_name) in maps.iter().zip(MAPS) {
+        let [reference, picture] = [dense, compact].map(|relighter| {
+            let weights = relighter.weights(Light::Map(map), &Look::default())?;
+            relighter.render(&weights, &Look::default(), full(relighter)).map(Image::into_rgb)
+        });
+        let (reference, picture) = (reference?, picture?);
+        errors.push(compare(&picture, &reference, None)?.relative_l2);
+        if let Some(folder) = std::env::var_os("RELUME_BENCH_PICTURES") {
+            let stem = format!("{name}-{}-{map_name}", candidate.name.replace(' ', "-"));
+            keep(Path::new(&folder), &stem, &picture, &reference)?;
+        }
+    }
+    Ok(errors)
+}
+
+/// The picture and, about a middle grey, 20 times its difference; both with the 98th percentile of the reference as white.
+fn keep(folder: &Path, stem: &str, picture: &Image, reference: &Image) -> Result<()> {
+    let mut levels = reference.data().to_vec();
+    levels.sort_by(f32::total_cmp);
+    let white = levels[levels.len() * 98 / 100].max(f32::MIN_POSITIVE);
+    let shown = |of: &dyn Fn(f32, f32) -> f32| {
+        let data = picture.data().iter().zip(reference.data()).map(|(p, r)| of(p / white, r / white)).collect();
+        Image::from_data(picture.width(), picture.height(), 3, data)
+    };
+    let options = EncodeOptions { png8: true, ..EncodeOptions::default() };
+    image::write(&folder.join(format!("{stem}.png")), &shown(&|p, _| p)?, options)?;
+    image::write(&folder.join(format!("{stem}-20x.png")), &shown(&|p, r| 0.2 + 20.0 * (p - r))?, options)
+}
+
+/// Seconds to relight a frame once its weights are there: by the samples, and by the compact form.
+fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<(f64, f64)> {
+    let look = Look::default();
+    let both: [(&Relighter, Weights); 2] =
+        [(dense, dense.weights(Light::Map(map), &look)?), (compact, compact.weights(Light::Map(map), &look)?)];
+    let mut times = [Vec::new(), Vec::new()];
+    for run in 0..=RUNS {
+        for ((relighter, weights), times) in both.iter().zip(&mut times) {
+            let start = Instant::now();
+            std::hint::black_box(relighter.render(weights, &look, full(relighter))?);
+            // The first brings the file into memory.
+            if run > 0 {
+                times.push(start.elapsed().as_secs_f64());
+            }
+        }
+    }
+    let [mut dense, mut compact] = times;
+    Ok((middle(&mut dense), middle(&mut compact)))
+}
+
+fn full(relighter: &Relighter) -> Window {
+    Window::full(relighter.asset().width(), relighter.asset().height())
+}
+
+fn middle(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}

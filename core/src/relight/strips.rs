@@ -1,0 +1,73 @@
+//! Pictures made one row of blocks after another, on all threads.
+
+use std::ops::Range;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::Weights;
+use crate::error::{Error, Result};
+use crate::field::{BLOCK_HEIGHT, Layout};
+use crate::image::{Image, Window};
+
+/// Rows of the picture that row `by` of blocks has inside a window.
+pub(super) fn rows_of(by: usize, window: Window) -> Range<usize> {
+    (by * BLOCK_HEIGHT).max(window.y0)..((by + 1) * BLOCK_HEIGHT).min(window.y1)
+}
+
+/// Refuses weights that do not fit a field, and a window outside its pictures.
+///
+/// # Errors
+/// Either.
+pub(super) fn check(layout: Layout, weights: &[&Weights], window: Window) -> Result<()> {
+    if let Some(wrong) = weights.iter().find(|w| w.factors().len() != layout.elements) {
+        let found = format!("{} weights", wrong.factors().len());
+        return Err(Error::invalid("illumination", found, format!("{}, one an element", layout.elements)));
+    }
+    if window.x1 > layout.width || window.y1 > layout.height {
+        let expected = format!("one inside {} x {}", layout.width, layout.height);
+        return Err(Error::invalid("window", format!("{window:?}"), expected));
+    }
+    Ok(())
+}
+
+/// `count` pictures of a window, which was [checked](check) (RGB): `row` fills what they have of one row of blocks, one strip a picture, from the top
+/// left of the window's part. Rows are spread over the current rayon threads; the result does not depend on their number.
+///
+/// # Errors
+/// What `row` returns, numbers that are not finite.
+pub(super) fn by_rows(
+    layout: Layout,
+    path: &Path,
+    count: usize,
+    window: Window,
+    row: impl Fn(usize, &mut [&mut [f32]]) -> Result<()> + Sync,
+) -> Result<Vec<Image>> {
+    let mut pictures: Vec<Image> = (0..count).map(|_| Image::new(window.width(), window.height(), 3)).collect();
+    if window.is_empty() || count == 0 {
+        return Ok(pictures);
+    }
+    // Each row of blocks owns its rows of every picture.
+    let (_, rows) = layout.blocks(window);
+    let mut strips: Vec<(usize, Vec<&mut [f32]>)> = rows.map(|by| (by, Vec::new())).collect();
+    for picture in &mut pictures {
+        let mut rest = picture.data_mut();
+        for (by, strip) in &mut strips {
+            let (own, after) = rest.split_at_mut(rows_of(*by, window).len() * window.width() * 3);
+            strip.push(own);
+            rest = after;
+        }
+    }
+    strips.into_par_iter().try_for_each(|(by, mut strip)| row(by, &mut strip))?;
+    // One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
+    if let Some(bad) = pictures.iter().find_map(|p| p.data().iter().position(|v| !v.is_finite()).map(|at| at / 3)) {
+        let (x, y) = (window.x0 + bad % window.width(), window.y0 + bad / window.width());
+        let place = format!("{}, pixel ({x}, {y})", path.display());
+        return Err(Error::invalid(
+            place,
+            "a number that is not finite",
+            "finite transport (`relume verify` tells whether the file was damaged)",
+        ));
+    }
+    Ok(pictures)
+}
