@@ -14,7 +14,7 @@
 //! | [`image`] | pictures in linear f32, windows, reading and writing |
 //! | [`math`] | directions, lat-long maps |
 //! | [`hdr`] | camera response, brackets merged to radiance |
-//! | [`wavelet`] | wavelets and their scaling functions |
+//! | [`wavelet`] | wavelets: transforms, the tree of coefficients, which to keep (5, 6.4, A) |
 //! | [`illumination`] | what a user calls "the light" |
 //! | [`domain`] | what a rig could emit |
 //! | [`reconstruct`] | reconstructions as downsampling operators (4.3, 4.4) |

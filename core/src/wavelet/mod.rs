@@ -8,9 +8,9 @@
 //! For orthonormal wavelets both agree, for the 5/3 and the 9/7 they do not: with the filters of A.4 their *synthesis*
 //! side is the smooth one (A.4 says analysis), so dropped coefficients leave smooth functions.
 //!
-//! Filters of one level, in the constant-energy normalisation: low-pass gain at constant signals and high-pass gain at
-//! alternating ones are both sqrt 2. Detail coefficients of Haar, D4 and D8 are positive where the signal falls
-//! (thesis A.2), those of the 5/3 and the 9/7 where a sample exceeds its neighbours (A.4).
+//! In the constant-energy normalisation, the low-pass filter of one level multiplies a constant signal by sqrt 2, and the
+//! high-pass filter an alternating one. Details of Haar are positive where the signal falls (A.2), those of the 5/3 and the
+//! 9/7 where a sample exceeds its neighbours (A.4).
 //!
 //! | part | what it holds |
 //! |---|---|

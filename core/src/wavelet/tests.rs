@@ -5,6 +5,8 @@ use super::*;
 const EDGES: [Edge; 2] = [Edge::Cyclic, Edge::Mirrored];
 const NORMALISATIONS: [Normalisation; 2] = [Normalisation::Energy, Normalisation::Amplitude];
 
+type Operator<'a> = &'a dyn Fn(&mut [f32], usize);
+
 /// Every transform of a size that there is.
 fn all(size: (usize, usize)) -> impl Iterator<Item = Transform> {
     let edges = EDGES.iter().flat_map(|x| EDGES.iter().map(move |y| (*x, *y)));
@@ -105,7 +107,7 @@ proptest! {
         let choices: Vec<Transform> = all((width, height)).collect();
         let transform = &choices[pick % choices.len()];
         let data = noise(width * height * lanes, 5);
-        let operators: [&dyn Fn(&mut [f32], usize); 4] = [
+        let operators: [Operator<'_>; 4] = [
             &|data, lanes| transform.forward(data, lanes),
             &|data, lanes| transform.inverse(data, lanes),
             &|data, lanes| transform.forward_adjoint(data, lanes),
@@ -250,4 +252,21 @@ fn what_cannot_be_is_refused_in_a_sentence() {
     }
     let message = "db4".parse::<Wavelet>().unwrap_err().to_string();
     assert!(message.contains("`db4`") && message.contains("haar, 5/3, 9/7, d4, d8"), "{message}");
+}
+
+/// Coefficients equal those of an independent implementation; the file says how it was made.
+#[test]
+fn coefficients_equal_those_of_pywavelets() {
+    let (width, height) = (16, 8);
+    let values: Vec<f32> = (0..128u32).map(|i| ((37 * i + 11 * i * i) % 101) as f32 / 8.0 - 6.0).collect();
+    let lines: Vec<&str> = include_str!("pywavelets.txt").lines().filter(|line| !line.starts_with('#')).collect();
+    assert_eq!(lines.len(), 8 * (1 + height));
+    for golden in lines.chunks(1 + height) {
+        let (id, edge) = golden[0].split_once(' ').unwrap();
+        let edge = if edge == "cyclic" { Edge::Cyclic } else { Edge::Mirrored };
+        let transform = new(id.parse().unwrap(), (width, height), edge, Normalisation::Energy);
+        let theirs: Vec<f32> = golden[1..].iter().flat_map(|row| row.split(' ').map(|v| v.parse().unwrap())).collect();
+        let ours = after(|data, lanes| transform.forward(data, lanes), &values, 1);
+        assert!(close(&ours, &theirs, 1e-5), "{}: {ours:?} against {theirs:?}", golden[0]);
+    }
 }
