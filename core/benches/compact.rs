@@ -6,7 +6,8 @@
 //!
 //! - how many times smaller it is than samples in halves, its relative error over the field, and how long it took to make;
 //! - the relative L2 error of pictures relit under the four maps of `hdri`, against the samples;
-//! - how many times faster it relights. The two take turns, and both are medians.
+//! - how many times faster it relights. The two take turns; medians, and the fastest of each, which other work on the machine
+//!   disturbs least.
 //!
 //! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of `case/representation`, such
 //! as `painting` or `stage-1280/factored`, runs what it is a part of.
@@ -20,7 +21,7 @@ use relume_core::Result;
 use relume_core::acquire::{ImportLp, Measured};
 use relume_core::domain::{Directions, lp::Lengths};
 use relume_core::evaluate::compare;
-use relume_core::field::compress::{Scheme, compress};
+use relume_core::field::compress::{Scheme, WAVELET_GRID, compress};
 use relume_core::field::{Access, Asset, Contents, Kind, Precision, write};
 use relume_core::illumination::EnvMap;
 use relume_core::image::{self, ColourSpace, EncodeOptions, Encoding, Image, Window};
@@ -30,7 +31,7 @@ use relume_core::simulate::{Camera, Quality, Scene, Stage, grid_lamps};
 use relume_core::wavelet::Wavelet;
 
 /// Runs of each; medians count.
-const RUNS: usize = 21;
+const RUNS: usize = 41;
 /// Columns of the virtual pictures: 377 MB of samples, far beyond any cache.
 const WIDTH: usize = 256;
 const MAPS: [&str; 4] = ["apartment", "city", "night", "park"];
@@ -46,20 +47,18 @@ fn factored(error: f64) -> Candidate {
     Candidate { name: format!("factored {error}"), kind: Kind::Factored, scheme: Scheme::Factored { error } }
 }
 
-fn harmonics(functions: usize) -> Candidate {
-    Candidate { name: format!("harmonics {functions}"), kind: Kind::Harmonics, scheme: Scheme::Harmonics { functions } }
+/// Rebuilt by B-splines, which the samples are then lit by, too.
+fn wavelets(error: Option<f64>, terms: Option<usize>) -> Candidate {
+    let (wavelet, reconstruction) = (Wavelet::Daubechies97, Method::BSpline);
+    Candidate {
+        name: error.map_or(format!("9/7, {} terms", terms.unwrap_or(0)), |error| format!("9/7, {error}")),
+        kind: Kind::Wavelet,
+        scheme: Scheme::Wavelet { wavelet, grid: WAVELET_GRID, reconstruction, error, terms },
+    }
 }
 
-/// Functions rebuilt by B-splines on 256 x 64 directions; pictures are compared with those of the samples by B-splines.
-fn wavelet(error: f64) -> Candidate {
-    let scheme = Scheme::Wavelet {
-        wavelet: Wavelet::Daubechies97,
-        grid: (256, 64),
-        reconstruction: Method::BSpline,
-        error: Some(error),
-        terms: None,
-    };
-    Candidate { name: format!("wavelet 9/7 {error}"), kind: Kind::Wavelet, scheme }
+fn harmonics(functions: usize) -> Candidate {
+    Candidate { name: format!("harmonics {functions}"), kind: Kind::Harmonics, scheme: Scheme::Harmonics { functions } }
 }
 
 fn main() -> Result<()> {
@@ -84,8 +83,15 @@ fn main() -> Result<()> {
 
 fn run(wants: &dyn Fn(&str, &Candidate) -> bool, data: &Path, folder: &Path) -> Result<()> {
     println!("{} threads; medians of {RUNS} runs", rayon::current_num_threads());
-    let on_stage = vec![factored(0.04), factored(0.02), wavelet(0.02), harmonics(25), harmonics(225)];
-    let of_painting = vec![factored(0.02), factored(0.04), wavelet(0.02), harmonics(25)];
+    let on_stage = vec![
+        factored(0.04),
+        factored(0.02),
+        wavelets(None, Some(256)),
+        wavelets(Some(0.01), None),
+        harmonics(25),
+        harmonics(225),
+    ];
+    let of_painting = vec![factored(0.02), factored(0.04), harmonics(25)];
     for (name, mut candidates) in [("stage-1280", on_stage), ("painting-72", of_painting)] {
         candidates.retain(|candidate| wants(name, candidate));
         if candidates.is_empty() {
@@ -149,7 +155,7 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
     let bytes = dense.asset().bytes(Kind::Dense);
     println!("\n{name}: {} lamps, {w} x {h}, {:.1} MB", dense.asset().domain().len(), bytes as f64 / 1e6);
     println!(
-        "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7}",
+        "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7} {:>7}",
         "",
         "smaller",
         "error",
@@ -167,20 +173,21 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
         let made = start.elapsed().as_secs_f64();
         let compact = Relighter::new(Asset::open(&path, Access::Mapped)?);
         let errors = relit(&dense, &compact, candidate, &maps, name)?;
-        let (samples, it) = times(&dense, &compact, &maps[3])?;
+        let [samples, it] = times(&dense, &compact, &maps[3])?;
         let held = compact.asset().bytes(candidate.kind);
         let reached = compact.asset().manifest().representations[0].loss().map_or(0.0, |loss| loss.reached);
         let each: Vec<String> = errors.iter().map(|e| format!("{:.2}", 100.0 * e)).collect();
         println!(
-            "  {:16} {:7.2}x {:6.2} % {made:6.1} s  {:6.2} % ({:>26})  {:6.2} ms {:6.2} ms {:6.2}x",
+            "  {:16} {:7.2}x {:6.2} % {made:6.1} s  {:6.2} % ({:>26})  {:6.2} ms {:6.2} ms {:6.2}x {:6.2}x",
             candidate.name,
             bytes as f64 / held as f64,
             100.0 * reached,
             100.0 * errors.iter().sum::<f64>() / errors.len() as f64,
             each.join(", "),
-            samples * 1e3,
-            it * 1e3,
-            samples / it
+            samples.0 * 1e3,
+            it.0 * 1e3,
+            samples.0 / it.0,
+            samples.1 / it.1
         );
         words(compact.asset());
     }
@@ -189,6 +196,10 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
 
 /// What is particular to a representation.
 fn words(asset: &Asset) {
+    if let Some(sparse) = asset.sparse() {
+        let pixels = asset.width() * asset.height();
+        println!("  {:16} {:.1} terms a pixel", "", sparse.terms() as f64 / pixels as f64);
+    }
     if let Some(factored) = asset.factored() {
         let (tiles, ranks) = (factored.tiles(), factored.ranks());
         let sum: usize = ranks.iter().map(|&rank| rank as usize).sum();
@@ -217,16 +228,19 @@ fn relit(
     name: &str,
 ) -> Result<Vec<f64>> {
     let mut errors = Vec::new();
+    let mut look = Look::default();
+    if let Scheme::Wavelet { reconstruction, .. } = &candidate.scheme {
+        look.method = *reconstruction;
+    }
     for (map, map_name) in maps.iter().zip(MAPS) {
         let [reference, picture] = [dense, compact].map(|relighter| {
-            let look = Look { method: Method::BSpline, ..Look::default() };
             let weights = relighter.weights(Light::Map(map), &look)?;
             relighter.render(&weights, &look, full(relighter)).map(Image::into_rgb)
         });
         let (reference, picture) = (reference?, picture?);
         errors.push(compare(&picture, &reference, None)?.relative_l2);
         if let Some(folder) = std::env::var_os("RELUME_BENCH_PICTURES") {
-            let stem = format!("{name}-{}-{map_name}", candidate.name.replace(' ', "-"));
+            let stem = format!("{name}-{}-{map_name}", candidate.name.replace([' ', '/', ','], "-"));
             keep(Path::new(&folder), &stem, &picture, &reference)?;
         }
     }
@@ -247,8 +261,8 @@ fn keep(folder: &Path, stem: &str, picture: &Image, reference: &Image) -> Result
     image::write(&folder.join(format!("{stem}-20x.png")), &shown(&|p, r| 0.2 + 20.0 * (p - r))?, options)
 }
 
-/// Seconds to relight a frame once its weights are there: by the samples, and by the compact form.
-fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<(f64, f64)> {
+/// Seconds to relight a frame once its weights are there: by the samples, and by the compact form: median, fastest.
+fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<[(f64, f64); 2]> {
     let look = Look::default();
     let both: [(&Relighter, Weights); 2] =
         [(dense, dense.weights(Light::Map(map), &look)?), (compact, compact.weights(Light::Map(map), &look)?)];
@@ -263,15 +277,12 @@ fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<(f64, f
             }
         }
     }
-    let [mut dense, mut compact] = times;
-    Ok((middle(&mut dense), middle(&mut compact)))
+    Ok(times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        (times[times.len() / 2], times[0])
+    }))
 }
 
 fn full(relighter: &Relighter) -> Window {
     Window::full(relighter.asset().width(), relighter.asset().height())
-}
-
-fn middle(times: &mut [f64]) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
 }

@@ -6,8 +6,8 @@ use crate::error::Result;
 use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Sparse, TermBuffer};
 use crate::image::{Image, Window};
 
-/// The transformed light by location, RGB and a zero: a row is one register, and 256 x 64 of them stay in the second
-/// level of the cache.
+/// The transformed light by location, RGB and a zero: no row crosses a cache line, and 256 x 64 of them stay in the
+/// second level of the cache.
 type Table = Vec<[f32; 4]>;
 /// Terms that are added up apart, so that one need not wait for another.
 const APART: usize = 4;
@@ -51,8 +51,6 @@ impl Gather<'_> {
             for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
                 let k = y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH;
                 terms.of_pixel(k, &mut locations, &mut coefficients);
-                // A fourth number for the last term.
-                coefficients.push(0.0);
                 let at = ((y - rows.start) * self.window.width() + x - self.window.x0) * 3;
                 for (strip, table) in strips.iter_mut().zip(&self.tables) {
                     strip[at..at + 3].copy_from_slice(&sum(&locations, &coefficients, table));
@@ -63,22 +61,22 @@ impl Gather<'_> {
     }
 }
 
-/// `sum of coefficient x table[location]`, channel by channel. Coefficients come with one number more than three a term: a
-/// term is looked at as four, of which the last meets the table's zero.
+/// `sum of coefficient x table[location]`, channel by channel; three coefficients a location.
 fn sum(locations: &[u32], coefficients: &[f32], table: &[[f32; 4]]) -> [f32; 3] {
-    let mut sums = [[0.0f32; 4]; APART];
-    let mut add = |slot: usize, k: usize, location: u32| {
-        let row = &table[location as usize];
-        if let Some(rgb) = coefficients[3 * k..].first_chunk::<4>() {
-            for c in 0..4 {
-                sums[slot][c] += rgb[c] * row[c];
-            }
+    let mut sums = [[0.0f32; 3]; APART];
+    let (parts, rest) = locations.as_chunks::<APART>();
+    let (of_parts, of_rest) = coefficients.split_at(3 * APART * parts.len());
+    for (locations, rgb) in parts.iter().zip(of_parts.as_chunks::<{ 3 * APART }>().0) {
+        for (k, sums) in sums.iter_mut().enumerate() {
+            add(sums, &rgb[3 * k..3 * k + 3], &table[locations[k] as usize]);
         }
-    };
-    let (fours, rest) = locations.as_chunks::<APART>();
-    for (n, four) in fours.iter().enumerate() {
-        four.iter().enumerate().for_each(|(slot, &location)| add(slot, n * APART + slot, location));
     }
-    rest.iter().enumerate().for_each(|(slot, &location)| add(slot, fours.len() * APART + slot, location));
+    for (location, rgb) in rest.iter().zip(of_rest.chunks_exact(3)) {
+        add(&mut sums[0], rgb, &table[*location as usize]);
+    }
     std::array::from_fn(|c| (sums[0][c] + sums[1][c]) + (sums[2][c] + sums[3][c]))
+}
+
+fn add(sums: &mut [f32; 3], rgb: &[f32], light: &[f32; 4]) {
+    sums.iter_mut().zip(rgb).zip(light).for_each(|((sum, c), light)| *sum += c * light);
 }

@@ -35,6 +35,9 @@ use crate::files::check_folder;
 use crate::reconstruct::Method;
 use crate::wavelet::Wavelet;
 
+/// The grid of wavelets where a user names none: 1.4 degrees a texel over a hemisphere (thesis, 5.4).
+pub const WAVELET_GRID: (usize, usize) = (256, 64);
+
 /// What a field is compressed to.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Scheme {
@@ -53,7 +56,7 @@ pub enum Scheme {
     Wavelet {
         /// Haar, 5/3 or 9/7.
         wavelet: Wavelet,
-        /// Longitudes x angles from the axis over the coverage of the lamps, even numbers: 256 x 64.
+        /// Longitudes x angles from the axis over the coverage of the lamps, even numbers: [`WAVELET_GRID`].
         grid: (usize, usize),
         /// How functions are rebuilt on the grid: [`Method::BSpline`].
         reconstruction: Method,

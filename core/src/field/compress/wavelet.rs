@@ -69,6 +69,10 @@ impl Wanted {
             (None, None) => {
                 Err(Error::invalid("wavelets", "neither an error nor a number of terms", "one of them, or both"))
             }
+            _ if self.reconstruction.id().is_empty() => {
+                let found = format!("{:?}", self.reconstruction);
+                Err(Error::invalid("the reconstruction of wavelets", found, "one that has a name"))
+            }
             (_, Some(0)) => Err(Error::invalid("the terms of wavelets", "0", "at least 1 a pixel, such as 256")),
             _ => Ok(()),
         }
