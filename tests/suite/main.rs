@@ -3,6 +3,7 @@
 mod cli;
 mod cli_sets;
 mod compact;
+mod compression;
 mod evaluate;
 mod hdr;
 mod host_self;

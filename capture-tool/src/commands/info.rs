@@ -206,7 +206,7 @@ fn provenance_words(value: &serde_json::Value) -> String {
 }
 
 /// Bytes of the samples as halves.
-fn half_samples(asset: &Asset) -> u64 {
+pub(super) fn half_samples(asset: &Asset) -> u64 {
     let layout = Layout { width: asset.width(), height: asset.height(), elements: asset.domain().len() };
     layout.len().unwrap_or(u64::MAX).saturating_mul(Precision::Half.bytes() as u64)
 }
@@ -240,7 +240,7 @@ fn precision_word(precision: Precision) -> &'static str {
 }
 
 /// Bytes for people, in units of 1000.
-fn megabytes(bytes: u64) -> String {
+pub(super) fn megabytes(bytes: u64) -> String {
     match bytes as f64 {
         b if b >= 1e9 => format!("{:.2} GB", b / 1e9),
         b if b >= 1e6 => format!("{:.1} MB", b / 1e6),

@@ -147,6 +147,15 @@ pub fn keep(text: &str) -> Result<Keep, String> {
     }
 }
 
+/// A number of things, at least one.
+pub fn at_least_one(text: &str) -> Result<usize, String> {
+    match usize::from_str(text) {
+        Ok(0) => Err("none; at least 1 is needed".to_owned()),
+        Ok(count) => Ok(count),
+        Err(_) => Err("not a whole number from 1 on".to_owned()),
+    }
+}
+
 /// `N` finite numbers with commas between them.
 pub fn list<const N: usize>(text: &str) -> Result<[f64; N], String> {
     listed(text, finite)

@@ -7,14 +7,18 @@
 //! | [`reconstruction`] | relative errors of rebuilt reflectance functions, for every method |
 //! | [`pixel_sets`] | diffuse, glossy and shadowed pixels, from their reflectance functions |
 //! | [`sliver`] | a turning sliver of light: a column of the picture over time (figures 4.17 and 4.18) |
-//! | `relit` | errors of relit pictures |
+//! | [`compression`] | errors of reflectance functions of few wavelet coefficients |
+//! | `relit` | errors of relit pictures, by lamps left out |
+//! | `representations` | errors of relit pictures, by compact representations |
 //! | `blocks` | the field, block by block, in bounded memory |
 
 mod blocks;
 mod compare;
+pub mod compression;
 pub mod pixel_sets;
 pub mod reconstruction;
 mod relit;
+mod representations;
 pub mod sliver;
 mod subset;
 #[cfg(test)]
@@ -23,4 +27,5 @@ mod testing;
 pub use blocks::Progress;
 pub use compare::{Comparison, compare};
 pub use relit::relit_errors;
+pub use representations::relit_against;
 pub use subset::{FEWEST_KEPT, Keep, Rule, Subset};

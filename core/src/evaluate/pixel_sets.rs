@@ -13,6 +13,9 @@
 use std::collections::BTreeSet;
 
 use nalgebra::Matrix3;
+use rand::SeedableRng;
+use rand::seq::index;
+use rand_pcg::Pcg32;
 
 use super::blocks::{Channels, Progress, map_pixels};
 use crate::domain::Directions;
@@ -144,21 +147,53 @@ pub fn traits(samples: Samples<'_>, lamps: &Directions, progress: &mut Progress<
 /// A pixel may be in none but `all`: in half shadow, or rougher than a diffuse and duller than a glossy one. Empty sets are
 /// left out.
 pub fn find(traits: &[Traits], alpha: Option<&[f32]>) -> Vec<PixelSet> {
-    let covered = |i: &u32| alpha.is_none_or(|alpha| alpha[*i as usize] >= COVERED);
-    let object: Vec<u32> = (0..traits.len() as u32).filter(covered).collect();
-    let mut energies: Vec<f32> =
-        object.iter().map(|&i| traits[i as usize].energy).filter(|energy| *energy > 0.0).collect();
-    if energies.is_empty() {
-        return Vec::new();
-    }
-    let middle = energies.len() / 2;
-    let black = BLACK * *energies.select_nth_unstable_by(middle, f32::total_cmp).1;
+    let energies: Vec<f32> = traits.iter().map(|t| t.energy).collect();
+    let seen = not_black(&energies, alpha);
     let of_kind = |kind: Kind| {
-        let taken = |i: &u32| traits[*i as usize].energy > black && kind.takes(&traits[*i as usize]);
-        let pixels = object.iter().copied().filter(taken).collect();
+        let pixels = seen.iter().copied().filter(|i| kind.takes(&traits[*i as usize])).collect();
         PixelSet { name: kind.name().to_owned(), from_mask: false, pixels }
     };
     Kind::ALL.map(of_kind).into_iter().filter(|set| !set.pixels.is_empty()).collect()
+}
+
+/// The pixels of the object that are not black, as those of the set `all`, but without looking for what they show: black is
+/// less than a fiftieth of the median norm of the functions, three channels together. One pass over the field.
+///
+/// # Errors
+/// As [`traits`].
+pub fn seen(samples: Samples<'_>, alpha: Option<&[f32]>, progress: &mut Progress<'_>) -> Result<Vec<u32>> {
+    let work = |channels: &Channels| {
+        let mut energies = vec![0.0f32; BLOCK_PIXELS];
+        for element in channels.iter().flat_map(|channel| channel.chunks_exact(BLOCK_PIXELS)) {
+            energies.iter_mut().zip(element).for_each(|(sum, t)| *sum += t * t);
+        }
+        energies.iter().map(|energy| energy.sqrt()).collect()
+    };
+    Ok(not_black(&map_pixels(samples, 1, work, progress)?.pop().unwrap_or_default(), alpha))
+}
+
+/// Pixels of the object whose function has a norm above [`BLACK`].
+fn not_black(norms: &[f32], alpha: Option<&[f32]>) -> Vec<u32> {
+    let covered = |i: &u32| alpha.is_none_or(|alpha| alpha[*i as usize] >= COVERED);
+    let object: Vec<u32> = (0..norms.len() as u32).filter(covered).collect();
+    let mut lit: Vec<f32> = object.iter().map(|&i| norms[i as usize]).filter(|norm| *norm > 0.0).collect();
+    if lit.is_empty() {
+        return Vec::new();
+    }
+    let middle = lit.len() / 2;
+    let black = BLACK * *lit.select_nth_unstable_by(middle, f32::total_cmp).1;
+    object.into_iter().filter(|&i| norms[i as usize] > black).collect()
+}
+
+/// `count` of some pixels by chance, or all where there are no more; ascending. The same seed gives the same.
+pub fn sampled(pixels: &[u32], count: usize, seed: u64) -> Vec<u32> {
+    if count >= pixels.len() {
+        return pixels.to_vec();
+    }
+    let mut rng = Pcg32::seed_from_u64(seed);
+    let mut chosen: Vec<u32> = index::sample(&mut rng, pixels.len(), count).iter().map(|n| pixels[n]).collect();
+    chosen.sort_unstable();
+    chosen
 }
 
 /// Puts masks in the place of the found sets of the same name, and others behind them.

@@ -41,6 +41,15 @@ pub fn sliver_weights(operator: &Operator, headings: &[f64]) -> Vec<Vec<f32>> {
     headings.chunks(3).flat_map(three).collect()
 }
 
+/// The map of a white sliver of radiance 1 at a heading, of [`SLIVER_MAP`].
+///
+/// # Errors
+/// None for a finite heading.
+pub fn sliver_map(heading: f64) -> Result<EnvMap> {
+    let columns = sliver(heading);
+    EnvMap::new(Image::from_fn(SLIVER_MAP.0, SLIVER_MAP.1, |i, _| [columns[i]; 3]))
+}
+
 fn dark() -> Vec<f32> {
     vec![0.0; SLIVER_MAP.0]
 }

@@ -2,19 +2,19 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `reconstruction` | flags and plan of `relume evaluate reconstruction` |
-//! | `measure` | the measuring: errors, and pictures under a turning sliver and under maps |
-//! | `report` | the numbers as JSON and as a table |
-//! | `charts` | the bar charts |
+//! | `reconstruction` | how well fields are rebuilt from a part of their lamps |
+//! | `compression` | how well few coefficients stand for reflectance functions, and compact fields for samples |
+//! | `inputs` | flags that both take |
+//! | `lines` | line charts |
 //! | `pictures` | what is shown: exposure, false colours, sizes |
-//! | `page` | all of it on one self-contained page |
+//! | `page` | the self-contained page, and the files beside it |
 
-mod charts;
-mod measure;
+mod compression;
+mod inputs;
+mod lines;
 mod page;
 mod pictures;
 mod reconstruction;
-mod report;
 
 use clap::Subcommand;
 
@@ -23,6 +23,8 @@ use clap::Subcommand;
 pub enum Subject {
     /// Rebuild a field from a part of its lamps by every method, and compare with all of them.
     Reconstruction(reconstruction::Arguments),
+    /// Measure what wavelets and compact representations of a field lose, and what they save.
+    Compression(compression::Arguments),
 }
 
 impl Subject {
@@ -30,6 +32,7 @@ impl Subject {
     pub fn run(self) -> anyhow::Result<String> {
         match self {
             Subject::Reconstruction(arguments) => arguments.run(),
+            Subject::Compression(arguments) => arguments.run(),
         }
     }
 }

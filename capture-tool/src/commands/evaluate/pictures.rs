@@ -1,7 +1,8 @@
 //! What is shown of measurements: exposure, false colours, sizes.
 
 use relume_core::evaluate::pixel_sets::{PixelSet, Traits};
-use relume_core::image::{Image, encode_png8, srgb};
+use relume_core::field::Asset;
+use relume_core::image::{ColourSpace, Conversion, Image, encode_png8, srgb};
 
 use crate::sheet;
 
@@ -21,6 +22,12 @@ pub fn png(picture: &Image, gain: f32) -> relume_core::Result<Vec<u8>> {
 /// The gain that shows a reference well; its rivals are shown with the same.
 pub fn gain(reference: &Image) -> f32 {
     sheet::exposure(reference)
+}
+
+/// A picture of a field in the colours of pictures to look at.
+pub fn for_display(asset: &Asset, mut picture: Image) -> Image {
+    picture.convert(&Conversion::between(asset.colour_space(), ColourSpace::LinRec709));
+    picture
 }
 
 /// A picture averaged down by a whole factor until the page can show it.

@@ -1,23 +1,33 @@
 //! `relume evaluate reconstruction`: flags, and what is checked before the work.
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `measure` | the measuring: errors, and pictures under a turning sliver and under maps |
+//! | `report` | the numbers as JSON and as a table |
+//! | `charts` | the bar charts |
+//! | `page` | all of it on one page |
+
+mod charts;
+mod measure;
+mod page;
+mod report;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use relume_core::evaluate::Keep;
 use relume_core::evaluate::pixel_sets::PixelSet;
 use relume_core::evaluate::reconstruction::Thinned;
+use relume_core::evaluate::{self, Keep};
 use relume_core::field::{Access, Asset};
-use relume_core::illumination::EnvMap;
 use relume_core::image::{Encoding, read};
 use relume_core::reconstruct::Method;
-use relume_core::{Error, evaluate};
 
-use super::measure::{Lit, Task};
-use super::{page, report};
+use super::inputs::{self, method};
+use super::page::put;
 use crate::commands::values;
 use crate::new_folder::{self, NewFolder};
+use measure::{Lit, Task};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -56,13 +66,6 @@ pub struct Arguments {
     methods: Vec<Method>,
 }
 
-/// A parser for the name of a method.
-fn method() -> impl TypedValueParser<Value = Method> {
-    let names = Method::ALL.iter().map(|method| PossibleValue::new(method.id()).help(method.label()));
-    let of_name = |name: String| Method::ALL.iter().copied().find(|method| method.id() == name).unwrap_or_default();
-    PossibleValuesParser::new(names).map(of_name)
-}
-
 fn named_file(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
         Some((name, file)) if !name.trim().is_empty() && !file.is_empty() => Ok((name.trim().to_owned(), file.into())),
@@ -88,11 +91,7 @@ impl Arguments {
         new_folder::check(&self.output)?;
         let asset = Asset::open(&self.asset, Access::Mapped)?;
         let size = (asset.width(), asset.height());
-        let column = self.column.unwrap_or(size.0 / 2);
-        if column >= size.0 {
-            let expected = format!("0 to {}, the columns of {}", size.0 - 1, self.asset.display());
-            return Err(Error::invalid("--column", column.to_string(), expected).into());
-        }
+        let column = inputs::column(self.column, &asset)?;
         let masks = self.masks.iter().map(|(name, file)| mask(name, file, size)).collect::<anyhow::Result<Vec<_>>>()?;
         let masks = evaluate::pixel_sets::with_masks(Vec::new(), masks)?;
         let mut methods = if self.methods.is_empty() { Method::ALL.to_vec() } else { self.methods };
@@ -106,7 +105,7 @@ impl Arguments {
         let thinned = Thinned::new(asset.domain(), self.keep, &methods)
             .with_context(|| format!("cannot thin out {}", self.asset.display()))?;
         let environments =
-            self.environments.iter().map(|path| environment(path)).collect::<anyhow::Result<Vec<_>>>()?;
+            self.environments.iter().map(|path| inputs::environment(path)).collect::<anyhow::Result<Vec<_>>>()?;
         Ok(Task { asset, thinned, column, masks, environments })
     }
 }
@@ -117,25 +116,13 @@ fn mask(name: &str, file: &Path, size: (usize, usize)) -> anyhow::Result<PixelSe
     PixelSet::from_mask(name, &picture, size).with_context(|| format!("cannot use {}", file.display()))
 }
 
-fn environment(path: &Path) -> anyhow::Result<(String, EnvMap)> {
-    let map = EnvMap::load(path).context("cannot use the environment map")?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok((name, map))
-}
-
 /// Puts all files into a folder.
 fn write(task: &Task, lit: &Lit, folder: &Path) -> anyhow::Result<()> {
-    let put = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).map_err(|source| Error::io("write", &path, source))
-    };
-    put("errors.json", (serde_json::to_string_pretty(&lit.report)? + "\n").as_bytes())?;
-    put("errors.txt", report::table(&lit.report).as_bytes())?;
+    let (json, table) = (serde_json::to_string_pretty(&lit.report)? + "\n", report::table(&lit.report));
+    put(folder, [("errors.json", json.as_bytes()), ("errors.txt", table.as_bytes())])?;
     let figures = page::Figures::new(task, lit)?;
-    for (name, bytes) in figures.files() {
-        put(name, bytes)?;
-    }
-    put("index.html", page::page(&lit.report, &figures).as_bytes())?;
+    put(folder, figures.files())?;
+    put(folder, [("index.html", page::page(&lit.report, &figures).as_bytes())])?;
     Ok(())
 }
 

@@ -13,6 +13,7 @@ use relume_core::image::{ColourSpace, Conversion, Image, Window};
 use relume_core::reconstruct::{Method, Operator, Outside, Reconstruction};
 use relume_core::relight::{Weights, apply};
 
+use super::super::pictures::for_display;
 use super::report::{Measured, Refused, Report, Set};
 use crate::progress::{Progress, Unit};
 
@@ -120,7 +121,7 @@ impl Task {
             .iter()
             .zip(&all)
             .filter(|(method, _)| thinned.methods.iter().any(|chosen| chosen.method() == method.method()))
-            .map(|(method, projected)| (method.method(), self.for_display(column.over_time(&projected.frames, None))))
+            .map(|(method, projected)| (method.method(), for_display(asset, column.over_time(&projected.frames, None))))
             .collect();
         let (lit, still) = self.lit_positions(&all[reference]);
         let relit = self.relit(&all[reference], &own, &sets, &lit)?;
@@ -209,16 +210,13 @@ impl Task {
         for light in 0..=self.environments.len() {
             let lights: Vec<&Weights> = weights.iter().map(|lights| lights[light]).collect();
             let pictures = apply(self.asset.samples()?, &lights, window)?;
-            stills.iter_mut().zip(pictures).for_each(|(stills, picture)| stills.push(self.for_display(picture)));
+            stills
+                .iter_mut()
+                .zip(pictures)
+                .for_each(|(stills, picture)| stills.push(for_display(&self.asset, picture)));
             crate::progress::check()?;
         }
         Ok(stills)
-    }
-
-    /// A picture of the field in the colours of pictures to look at.
-    fn for_display(&self, mut picture: Image) -> Image {
-        picture.convert(&Conversion::between(self.asset.colour_space(), ColourSpace::LinRec709));
-        picture
     }
 
     fn report(&self, errors: &[Vec<f32>], sets: &[PixelSet], relit: Vec<Vec<Vec<Summary>>>, lit: usize) -> Report {
