@@ -87,10 +87,8 @@ fn used(compact: &Image, reference: &Image, errors: &[f32], weights: &Weights) -
 fn the_error_of_a_pixel_bounds_its_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let source = Asset::open(&still_life(folder.path()), Access::Mapped).unwrap();
-    let schemes = [
-        (Kind::Harmonics, Scheme::Harmonics { functions: 25 }),
-        (Kind::Factored, Scheme::Factored { error: 0.04 }),
-    ];
+    let schemes =
+        [(Kind::Harmonics, Scheme::Harmonics { functions: 25 }), (Kind::Factored, Scheme::Factored { error: 0.04 })];
     for (kind, scheme) in schemes {
         let path = folder.path().join("compact.rfield");
         compress(&source, &path, &scheme, &[Kind::Dense], &mut |_, _, _| Ok(())).unwrap();

@@ -45,7 +45,7 @@ fn fewer_coefficients_are_worse_and_all_of_them_are_exact() {
         let coefficients = codec.analyse(&function);
         let counts = [0, 16, 32, 64, 128, 256, 512, 1024];
         let found = errors_by_count(&codec, &function, &coefficients, &counts);
-        assert_eq!(found[0], 1.0);
+        assert!((found[0] - 1.0).abs() < 1e-6, "{found:?}");
         assert!(found.windows(2).all(|pair| pair[1] < pair[0]), "{wavelet:?}: {found:?}");
         assert!(found[7] < 1e-6, "{wavelet:?}: {found:?}");
         if wavelet == Wavelet::Haar {

@@ -21,7 +21,7 @@ pub const WAVELETS: [Wavelet; 3] = [Wavelet::Haar, Wavelet::LeGall53, Wavelet::D
 /// Relative errors that functions are compressed to (figure 5.7).
 pub const ERRORS: [f64; 7] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05];
 /// What is shown over time: the threshold of figure 5.8, and one at which wavelets differ to the eye.
-pub const SHOWN_ERRORS: [f64; 2] = [0.001, 0.02];
+pub const SHOWN_ERRORS: [f64; 2] = [0.001, 0.05];
 /// The count of figure 5.5 and of the numbers that the thesis gives.
 pub const COUNT: usize = 256;
 /// Headings of the sliver over time: 2 degrees each, less than half of its width.
