@@ -141,8 +141,8 @@ fn representations(report: &Report) -> Markup {
             "relight: from weights to the picture; medians, and how many times faster than the samples, measured in "
             "turns. Then the relative error of relit pictures against those of the samples: the mean over the "
             "headings of a sliver of light 5 degrees wide, the hardest light there is but a single lamp"
-            @if report.representations.lights.len() > 1 { ", and each map" 
-            "}. Wavelets are lit through the texels of their grid, linear between them, so a little of their "
+            @if report.representations.lights.len() > 1 { ", and each map" }
+            ". Wavelets are lit through the texels of their grid, linear between them, so a little of their "
             "difference is the grid's and stays however many coefficients are kept."
         }
         (table(&heads, &rows))
@@ -158,9 +158,7 @@ fn by_count(report: &Report, figures: &Figures) -> Markup {
     };
     let row = |wavelet: &OfWavelet| {
         let at = wavelet.at_count()?;
-        let plus = |summary: &Summary| {
-            format!("{} ± {}", percent(summary.mean), percent(summary.deviation))
-        };
+        let plus = |summary: &Summary| format!("{} ± {}", percent(summary.mean), percent(summary.deviation));
         Some(vec![wavelet.label.to_owned(), plus(&at.h1), plus(&at.l2), plus(&at.h1_over_time), thesis(wavelet)])
     };
     let rows: Vec<Vec<String>> = report.wavelets.iter().filter_map(row).collect();
@@ -168,9 +166,8 @@ fn by_count(report: &Report, figures: &Figures) -> Markup {
     html! {
         h2 { "Wavelets, the same number of coefficients for every function" }
         p {
-            "Non-linear approximation: the coefficients with the largest √(Σ"
-            sub { "c" 
-            "} c²) ‖s‖ are kept, one set for the three channels. H1 is the Sobolev norm, ‖v‖² + ‖∇v‖² with "
+            "Non-linear approximation: the coefficients with the largest √(Σ" sub { "c" }
+            " c²) ‖s‖ are kept, one set for the three channels. H1 is the Sobolev norm, ‖v‖² + ‖∇v‖² with "
             "differences to the next longitude and to the next angle, so that lost smoothness counts (figure 5.6). "
             "The steeper a line falls, the better coefficients are used; Haar, which is made of steps, needs many "
             "more of them to come as near to smooth functions as the 5/3 and the 9/7."
