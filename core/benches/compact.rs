@@ -20,12 +20,14 @@ use relume_core::Result;
 use relume_core::acquire::{ImportLp, Measured};
 use relume_core::domain::{Directions, lp::Lengths};
 use relume_core::evaluate::compare;
-use relume_core::field::compress::{Scheme, compress};
+use relume_core::field::compress::{Scheme, WAVELET_GRID, compress};
 use relume_core::field::{Access, Asset, Contents, Kind, Precision, write};
 use relume_core::illumination::EnvMap;
 use relume_core::image::{self, ColourSpace, EncodeOptions, Encoding, Image, Window};
+use relume_core::reconstruct::Method;
 use relume_core::relight::{Light, Look, Relighter, Weights};
 use relume_core::simulate::{Camera, Quality, Scene, Stage, grid_lamps};
+use relume_core::wavelet::Wavelet;
 
 /// Runs of each; medians count.
 const RUNS: usize = 21;
@@ -42,6 +44,16 @@ struct Candidate {
 
 fn factored(error: f64) -> Candidate {
     Candidate { name: format!("factored {error}"), kind: Kind::Factored, scheme: Scheme::Factored { error } }
+}
+
+/// Rebuilt by B-splines, which the samples are then lit by, too.
+fn wavelets(error: Option<f64>, terms: Option<usize>) -> Candidate {
+    let (wavelet, reconstruction) = (Wavelet::Daubechies97, Method::BSpline);
+    Candidate {
+        name: error.map_or(format!("9/7, {} terms", terms.unwrap_or(0)), |error| format!("9/7, {error}")),
+        kind: Kind::Wavelet,
+        scheme: Scheme::Wavelet { wavelet, grid: WAVELET_GRID, reconstruction, error, terms },
+    }
 }
 
 fn harmonics(functions: usize) -> Candidate {
@@ -70,7 +82,10 @@ fn run(wants: &dyn Fn(&str) -> bool, data: &Path, folder: &Path) -> Result<()> {
     if wants("stage-1280") {
         let path = folder.join("stage-1280.rfield");
         stage(&path)?;
-        case("stage-1280", &path, data, &[factored(0.04), factored(0.02), harmonics(25), harmonics(225)])?;
+        let wavelets = [wavelets(None, Some(256)), wavelets(Some(0.01), None)];
+        let others = [factored(0.04), factored(0.02), harmonics(25), harmonics(225)];
+        let candidates: Vec<Candidate> = others.into_iter().chain(wavelets).collect();
+        case("stage-1280", &path, data, &candidates)?;
     }
     if wants("painting-72") {
         let path = folder.join("painting-72.rfield");
@@ -167,6 +182,10 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
 
 /// What is particular to a representation.
 fn words(asset: &Asset) {
+    if let Some(sparse) = asset.sparse() {
+        let pixels = asset.width() * asset.height();
+        println!("  {:16} {:.1} terms a pixel", "", sparse.terms() as f64 / pixels as f64);
+    }
     if let Some(factored) = asset.factored() {
         let (tiles, ranks) = (factored.tiles(), factored.ranks());
         let sum: usize = ranks.iter().map(|&rank| rank as usize).sum();
@@ -195,15 +214,19 @@ fn relit(
     name: &str,
 ) -> Result<Vec<f64>> {
     let mut errors = Vec::new();
+    let mut look = Look::default();
+    if let Scheme::Wavelet { reconstruction, .. } = &candidate.scheme {
+        look.method = *reconstruction;
+    }
     for (map, map_name) in maps.iter().zip(MAPS) {
         let [reference, picture] = [dense, compact].map(|relighter| {
-            let weights = relighter.weights(Light::Map(map), &Look::default())?;
-            relighter.render(&weights, &Look::default(), full(relighter)).map(Image::into_rgb)
+            let weights = relighter.weights(Light::Map(map), &look)?;
+            relighter.render(&weights, &look, full(relighter)).map(Image::into_rgb)
         });
         let (reference, picture) = (reference?, picture?);
         errors.push(compare(&picture, &reference, None)?.relative_l2);
         if let Some(folder) = std::env::var_os("RELUME_BENCH_PICTURES") {
-            let stem = format!("{name}-{}-{map_name}", candidate.name.replace(' ', "-"));
+            let stem = format!("{name}-{}-{map_name}", candidate.name.replace([' ', '/', ','], "-"));
             keep(Path::new(&folder), &stem, &picture, &reference)?;
         }
     }

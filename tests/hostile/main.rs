@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rand::{RngExt, SeedableRng};
 use relume_core::Result;
 use relume_core::domain::Directions;
+use relume_core::field::compress::{Scheme, compress};
 use relume_core::field::{Access, Asset, Bands, Contents, Precision, write};
 use relume_core::image::{Image, Window};
 use relume_core::math::Vec3;
@@ -71,6 +72,12 @@ fn container(path: &Path) {
     write(path, &contents, &mut Ramp).unwrap();
 }
 
+/// The same, as tiles of low rank alone.
+fn factored(samples: &Path, path: &Path) {
+    let samples = Asset::open(samples, Access::Read).unwrap();
+    compress(&samples, path, &Scheme::Factored { error: 0.01 }, &[], &mut |_, _, _| Ok(())).unwrap();
+}
+
 /// One to four changes: flipped bits, runs overwritten, pieces cut out, doubled or truncated, numbers made huge; half of them
 /// aimed at the directory and the manifest at the end, where the structure is.
 fn mutated(original: &[u8], rng: &mut impl rand::Rng) -> Vec<u8> {
@@ -115,14 +122,18 @@ fn mutated_containers_never_panic_or_over_allocate() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.rfield");
     container(&path);
-    used(&path, Access::Mapped).unwrap();
-    let original = std::fs::read(&path).unwrap();
+    let compact = folder.path().join("b.rfield");
+    factored(&path, &compact);
+    let originals = [&path, &compact].map(|path| {
+        used(path, Access::Mapped).unwrap();
+        std::fs::read(path).unwrap()
+    });
     let (mut refused, mut accepted) = (0, 0);
     for seed in 0..VARIANTS {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
         // A new file each time: a mapped one is never changed in place.
         let variant = folder.path().join(format!("{seed}.rfield"));
-        std::fs::write(&variant, mutated(&original, &mut rng)).unwrap();
+        std::fs::write(&variant, mutated(&originals[seed as usize / 2 % 2], &mut rng)).unwrap();
         let access = if seed % 2 == 0 { Access::Mapped } else { Access::Read };
         let before = HELD.load(Ordering::Relaxed);
         PEAK.store(before, Ordering::Relaxed);

@@ -2,6 +2,8 @@
 
 use std::sync::OnceLock;
 
+use rayon::prelude::*;
+
 use super::apply::apply_dense;
 use super::choice::{absent, choose};
 use super::projections::Projections;
@@ -207,20 +209,21 @@ impl Relighter {
         let mut element = Image::new(window.width(), window.height(), 4);
         let colours = Conversion::between(self.asset.colour_space(), look.output_space);
         let ambient = self.asset.ambient().filter(|_| look.ambient != 0.0);
-        for y in 0..window.height() {
-            for x in 0..window.width() {
-                let (sx, sy) = (window.x0 + x, window.y0 + y);
-                let rgb = lit.pixel(x, y);
-                let out = element.pixel_mut(x, y);
-                for c in 0..3 {
-                    let s = ambient.map_or(0.0, |s| s.pixel(sx, sy)[c]);
-                    out[c] = rgb[c] + look.ambient as f32 * s;
+        let row = |(y, (out, lit)): (usize, (&mut [f32], &[f32]))| {
+            let first = (window.y0 + y) * self.asset.width() + window.x0;
+            for (x, (out, lit)) in out.chunks_exact_mut(4).zip(lit.chunks_exact(3)).enumerate() {
+                let mut rgb = [lit[0], lit[1], lit[2]];
+                if let Some(ambient) = ambient {
+                    let s = &ambient.data()[3 * (first + x)..][..3];
+                    (0..3).for_each(|c| rgb[c] += look.ambient as f32 * s[c]);
                 }
-                let rgb = colours.apply([out[0], out[1], out[2]]);
-                out[..3].copy_from_slice(&rgb);
-                out[3] = self.asset.alpha().map_or(1.0, |alpha| alpha[sy * self.asset.width() + sx]);
+                out[..3].copy_from_slice(&colours.apply(rgb));
+                out[3] = self.asset.alpha().map_or(1.0, |alpha| alpha[first + x]);
             }
-        }
+        };
+        let across = window.width().max(1);
+        let rows = element.data_mut().par_chunks_exact_mut(4 * across).zip(lit.data().par_chunks_exact(3 * across));
+        rows.enumerate().for_each(row);
         element
     }
 }

@@ -91,7 +91,7 @@ pub(super) fn compress(samples: Samples<'_>, error: f64, output: &Path, progress
 /// ([`Coder::factors`]) lose.
 fn allowed(survey: &Survey, error: f64) -> f64 {
     let square = error * error;
-    ((square - 1.25 * ROUNDING) * survey.energy).min(square * GLINTS * survey.even_energy)
+    ((square - 1.25 * ROUNDING) * survey.energy).min(square * std::env::var("KAPPA").map_or(GLINTS, |k| k.parse().unwrap()) * survey.even_energy)
 }
 
 /// The size of tiles that stores a sample of the picture smallest.
