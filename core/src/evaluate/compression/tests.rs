@@ -108,8 +108,8 @@ fn functions_are_those_of_their_pixels() {
     assert!(outside.unwrap_err().to_string().contains("pixel 1260"));
 }
 
-/// Figures 5.6 and 5.7 on a toy car under 1280 lamps, b-spline to 256 x 64: "the Haar wavelet needs more coefficients to achieve
-/// the same relative error", "the 9/7 Daubechies wavelet slightly outperforms the 5/3".
+/// Figures 5.6 and 5.7 on a toy car under 1280 lamps, b-spline to 256 x 64: "the Haar wavelet needs more coefficients to
+/// achieve the same relative error", "the 9/7 Daubechies wavelet slightly outperforms the 5/3".
 #[test]
 fn at_256_coefficients_haar_is_worst_and_nine_seven_best() {
     let asset = &car().asset;
@@ -163,8 +163,8 @@ fn a_column_over_time_is_that_of_its_functions() {
     for (frame, rgb) in by_hand.chunks_exact(CHANNELS).enumerate() {
         assert_eq!(shown.rebuilt.pixel(frame, 15), rgb);
     }
-    // A whole turn of slivers, each 15 degrees from the next and 5 wide, is a third of light from everywhere; the function 1
-    // is worth its solid angle under it.
+    // A whole turn of slivers, each 15 degrees from the next and 5 wide, is a third of light from everywhere; the
+    // function 1 is worth its solid angle under it.
     let one = vec![1.0; functions.grid().texels()];
     let mean = sweep.lit(&one, 1).iter().map(|v| f64::from(*v)).sum::<f64>() / 24.0;
     let expected = asset.domain().covered_solid_angle() * 5.0 / 360.0;

@@ -10,8 +10,8 @@ use serde::Serialize;
 use super::measure::COUNT;
 use crate::commands::info::megabytes;
 
-/// What the thesis gives for its own scene, a Formula One toy car under 1280 lamps, 256 x 64 (5.4): id of a wavelet, relative H1
-/// error at 256 coefficients.
+/// What the thesis gives for its own scene, a Formula One toy car under 1280 lamps, 256 x 64 (5.4): id of a wavelet,
+/// relative H1 error at 256 coefficients.
 pub const THESIS_H1: [(&str, f64); 3] = [("haar", 0.0705), ("5/3", 0.0212), ("9/7", 0.0188)];
 /// The same for a threshold, with the 9/7: relative L2 error, ratio of texels to coefficients; the H1 error is below 1 %.
 pub const THESIS_THRESHOLD: (f64, f64) = (0.002, 34.0);
