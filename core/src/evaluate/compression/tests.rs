@@ -27,7 +27,7 @@ fn function((columns, rows): (usize, usize), seed: u64) -> Vec<f32> {
         let edge = if x + 0.3 * y > 0.8 { 0.0 } else { 1.0 - y };
         [1.0, 0.7, 0.2].map(|colour| colour * edge + bump + 0.01 * rng.random::<f32>())
     };
-    (0..columns * rows).flat_map(|n| texel(n)).collect()
+    (0..columns * rows).flat_map(texel).collect()
 }
 
 fn errors_by_count(codec: &Codec, function: &[f32], coefficients: &Coefficients, counts: &[usize]) -> Vec<f64> {
@@ -123,7 +123,6 @@ fn at_256_coefficients_haar_is_worst_and_nine_seven_best() {
     let budgets = [Budget::Terms(64), Budget::Terms(256), Budget::Error(0.02), Budget::Terms(16384)];
     let found = errors(&functions, &codecs, &budgets, &sweep, &pixels, &mut |_, _| Ok(())).unwrap();
     let [haar, five, nine] = &found[..] else { panic!("three codecs") };
-    println!("H1 at 256: {:.4} {:.4} {:.4}", haar[1].h1.mean, five[1].h1.mean, nine[1].h1.mean);
     assert!(haar[1].h1.mean > 1.5 * five[1].h1.mean, "{haar:?}, {five:?}");
     assert!(five[1].h1.mean >= nine[1].h1.mean, "{five:?}, {nine:?}");
     for figures in &found {
