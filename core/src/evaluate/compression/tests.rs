@@ -21,7 +21,7 @@ fn grid(size: (usize, usize)) -> StageGrid {
 /// A smooth bump, a shadow's edge and a little noise, in three colours.
 fn function((columns, rows): (usize, usize), seed: u64) -> Vec<f32> {
     let mut rng = Pcg32::seed_from_u64(seed);
-    let mut texel = |n: usize| {
+    let texel = |n: usize| {
         let (x, y) = ((n % columns) as f32 / columns as f32, (n / columns) as f32 / rows as f32);
         let bump = (-40.0 * ((x - 0.4).powi(2) + (y - 0.5).powi(2))).exp();
         let edge = if x + 0.3 * y > 0.8 { 0.0 } else { 1.0 - y };
