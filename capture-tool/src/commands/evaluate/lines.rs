@@ -74,13 +74,19 @@ impl Chart {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(legend(&shown))
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))
             .label_font(("sans-serif", 12))
             .draw()?;
         Ok(())
     }
+}
+
+/// Where lines leave room on these axes: below those that fall to the left, below those that rise to the right.
+fn legend(shown: &[Vec<(f64, f64)>]) -> SeriesLabelPosition {
+    let rises = |points: &Vec<(f64, f64)>| points.first().zip(points.last()).is_some_and(|(a, b)| b.1 > a.1);
+    if shown.iter().any(rises) { SeriesLabelPosition::LowerRight } else { SeriesLabelPosition::LowerLeft }
 }
 
 fn positive(points: &[(f64, f64)]) -> Vec<(f64, f64)> {

@@ -25,10 +25,15 @@ pub struct Functions<'a> {
     resampling: Resampling,
 }
 
-/// Pixels of one block: its place, and the numbers of the pixels in the list that was asked for, with their places inside.
-struct Group {
+/// A pixel of the list that was asked for.
+#[derive(Debug, Clone, Copy)]
+struct Member {
+    /// Column and row of its block.
     block: (usize, usize),
-    members: Vec<(usize, usize)>,
+    /// Its number in the list.
+    n: usize,
+    /// Its place in the block.
+    at: usize,
 }
 
 impl<'a> Functions<'a> {
@@ -76,47 +81,39 @@ impl<'a> Functions<'a> {
             let answers: Vec<Vec<T>> = some.par_iter().map(|group| self.group(group, &work)).collect::<Result<_>>()?;
             for (group, answers) in some.iter().zip(answers) {
                 done += answers.len() as u64;
-                group.members.iter().zip(answers).for_each(|(member, answer)| take(member.0, answer));
+                group.iter().zip(answers).for_each(|(member, answer)| take(member.n, answer));
             }
             progress(done, pixels.len() as u64)?;
         }
         Ok(())
     }
 
-    fn groups(&self, pixels: &[u32]) -> Result<Vec<Group>> {
+    /// Groups of pixels of one block each.
+    fn groups(&self, pixels: &[u32]) -> Result<Vec<Vec<Member>>> {
         let layout = self.samples.layout();
         let mut members = Vec::with_capacity(pixels.len());
         for (n, &pixel) in pixels.iter().enumerate() {
             let (x, y) = (pixel as usize % layout.width, pixel as usize / layout.width);
             if y >= layout.height {
                 let expected = format!("below {}", layout.width * layout.height);
-                return Err(Error::invalid(
-                    self.samples.path().display().to_string(),
-                    format!("pixel {pixel}"),
-                    expected,
-                ));
+                let place = self.samples.path().display().to_string();
+                return Err(Error::invalid(place, format!("pixel {pixel}"), expected));
             }
-            let block = (x / BLOCK_WIDTH, y / BLOCK_HEIGHT);
-            members.push((block, (n, y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH)));
+            let at = y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH;
+            members.push(Member { block: (x / BLOCK_WIDTH, y / BLOCK_HEIGHT), n, at });
         }
-        members.sort_by_key(|((bx, by), (n, _))| (*by, *bx, *n));
-        let of_block = |members: &[((usize, usize), (usize, usize))]| {
-            let group = |some: &[((usize, usize), (usize, usize))]| Group {
-                block: some[0].0,
-                members: some.iter().map(|member| member.1).collect(),
-            };
-            members.chunks(TOGETHER).map(group).collect::<Vec<_>>()
-        };
-        Ok(members.chunk_by(|a, b| a.0 == b.0).flat_map(of_block).collect())
+        members.sort_by_key(|member| (member.block.1, member.block.0, member.n));
+        let of_block = |members: &[Member]| members.chunks(TOGETHER).map(<[_]>::to_vec).collect::<Vec<_>>();
+        Ok(members.chunk_by(|a, b| a.block == b.block).flat_map(of_block).collect())
     }
 
-    fn group<T>(&self, group: &Group, work: &impl Fn(&[f32]) -> T) -> Result<Vec<T>> {
-        let channels = read(self.samples, group.block.0, group.block.1)?;
-        let (lanes, scale) = (group.members.len() * CHANNELS, self.samples.scale());
+    fn group<T>(&self, group: &[Member], work: &impl Fn(&[f32]) -> T) -> Result<Vec<T>> {
+        let channels = read(self.samples, group[0].block.0, group[0].block.1)?;
+        let (lanes, scale) = (group.len() * CHANNELS, self.samples.scale());
         let mut samples = vec![0.0; self.samples.layout().elements * lanes];
         for (lamp, lanes) in samples.chunks_exact_mut(lanes).enumerate() {
-            for (rgb, &(_, at)) in lanes.chunks_exact_mut(CHANNELS).zip(&group.members) {
-                (0..CHANNELS).for_each(|c| rgb[c] = channels[c][lamp * BLOCK_PIXELS + at] * scale);
+            for (rgb, member) in lanes.chunks_exact_mut(CHANNELS).zip(group) {
+                (0..CHANNELS).for_each(|c| rgb[c] = channels[c][lamp * BLOCK_PIXELS + member.at] * scale);
             }
         }
         let mut values = vec![0.0; self.grid.texels() * lanes];
@@ -125,6 +122,6 @@ impl<'a> Functions<'a> {
             let rgb = |lanes: &[f32]| [lanes[CHANNELS * k], lanes[CHANNELS * k + 1], lanes[CHANNELS * k + 2]];
             values.chunks_exact(lanes).flat_map(rgb).collect()
         };
-        Ok((0..group.members.len()).map(|k| work(&function(k))).collect())
+        Ok((0..group.len()).map(|k| work(&function(k))).collect())
     }
 }

@@ -9,8 +9,9 @@
 //!   column and to the next row: the thesis writes one index, `v_i - v_(i+1)`; on a grid we take both axes, so that an edge
 //!   counts whichever way it runs. Longitude goes round, the last row has no next.
 //!
-//! Texels count alike, as they do in the thesis: no solid angles. *Over time* the function is what a pixel shows under a sliver of
-//! light that turns about the object, one value a heading, and H1 takes differences from heading to heading, all round.
+//! Texels count alike, as they do in the thesis: no solid angles. *Over time* the function is what a pixel shows under a
+//! sliver of light that turns about the object, one value a heading, and H1 takes differences from heading to heading, all
+//! round.
 //!
 //! | part | what it holds |
 //! |---|---|

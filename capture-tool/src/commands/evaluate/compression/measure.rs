@@ -21,15 +21,15 @@ pub const WAVELETS: [Wavelet; 3] = [Wavelet::Haar, Wavelet::LeGall53, Wavelet::D
 /// Relative errors that functions are compressed to (figure 5.7).
 pub const ERRORS: [f64; 7] = [0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05];
 /// What is shown over time: the threshold of figure 5.8, and one at which wavelets differ to the eye.
-pub const SHOWN_ERRORS: [f64; 2] = [0.001, 0.02];
+pub const SHOWN_ERRORS: [f64; 2] = [0.001, 0.05];
 /// The count of figure 5.5 and of the numbers that the thesis gives.
 pub const COUNT: usize = 256;
 /// Headings of the sliver over time: 2 degrees each, less than half of its width.
 const FRAMES: usize = 180;
 /// Coefficients from which counts double.
 const FEWEST: usize = 16;
-/// Pixels that ways of choosing are compared on, and the largest number of coefficients there: the best tree takes a tenth of a second
-/// for each.
+/// Pixels that ways of choosing are compared on, and the largest number of coefficients there: the best tree takes a
+/// tenth of a second for each.
 const TREE_PIXELS: usize = 48;
 const TREE_TERMS: usize = 2048;
 /// Seed of the choice of pixels.
@@ -78,23 +78,7 @@ impl Task {
         let functions = Functions::new(asset.samples()?, asset.domain(), self.method, self.grid.clone())?;
         let sweep = Sweep::new(&self.grid, FRAMES)?;
         let codecs = WAVELETS.iter().map(|w| Codec::new(*w, &self.grid)).collect::<Result<Vec<_>, _>>()?;
-        let counts = self.counts();
-        let budgets: Vec<Budget> = counts.iter().map(|&n| Budget::Terms(n)).chain(ERRORS.map(Budget::Error)).collect();
-        let mut bar = Progress::new("compressing reflectance functions", Unit::Steps);
-        let found = errors(&functions, &codecs, &budgets, &sweep, &pixels, &mut |done, all| bar.step(done, all))?;
-        let texels = self.grid.texels();
-        let of_wavelet = |(wavelet, figures): (&Wavelet, &Vec<Figures>)| OfWavelet {
-            id: wavelet.id(),
-            label: label(*wavelet),
-            by_count: counts.iter().zip(figures).map(|(&count, f)| ByCount { count, figures: *f }).collect(),
-            by_error: ERRORS
-                .iter()
-                .zip(&figures[counts.len()..])
-                .map(|(&error, f)| ByError { error, ratio: texels as f64 / f.terms.mean.max(1.0), figures: *f })
-                .collect(),
-        };
-        let wavelets = WAVELETS.iter().zip(&found).map(of_wavelet).collect();
-
+        let wavelets = self.wavelets(&functions, &codecs, &sweep, &pixels)?;
         let mut bar = Progress::new("turning a sliver of light", Unit::Steps);
         let over_time =
             over_time(&functions, &codecs, &self.shown(), &sweep, self.column, &mut |done, all| bar.step(done, all))?;
@@ -116,6 +100,37 @@ impl Task {
             representations,
         };
         Ok(Measured { report, over_time })
+    }
+
+    /// Errors by count and by threshold, on some pixels.
+    fn wavelets(
+        &self,
+        functions: &Functions<'_>,
+        codecs: &[Codec],
+        sweep: &Sweep,
+        pixels: &[u32],
+    ) -> anyhow::Result<Vec<OfWavelet>> {
+        let counts = self.counts();
+        let budgets: Vec<Budget> = counts.iter().map(|&n| Budget::Terms(n)).chain(ERRORS.map(Budget::Error)).collect();
+        let mut bar = Progress::new("compressing reflectance functions", Unit::Steps);
+        let found = errors(functions, codecs, &budgets, sweep, pixels, &mut |done, all| bar.step(done, all))?;
+        let texels = self.grid.texels() as f64;
+        let of_codec = |(codec, figures): (&Codec, &Vec<Figures>)| {
+            let (by_count, by_error) = figures.split_at(counts.len());
+            let count = |(&count, &figures): (&usize, &Figures)| ByCount { count, figures };
+            let error = |(&error, &figures): (&f64, &Figures)| ByError {
+                error,
+                ratio: texels / figures.terms.mean.max(1.0),
+                figures,
+            };
+            OfWavelet {
+                id: codec.wavelet().id(),
+                label: label(codec.wavelet()),
+                by_count: counts.iter().zip(by_count).map(count).collect(),
+                by_error: ERRORS.iter().zip(by_error).map(error).collect(),
+            }
+        };
+        Ok(codecs.iter().zip(&found).map(of_codec).collect())
     }
 
     /// 16, 32, ... to half of the coefficients.

@@ -54,8 +54,8 @@ pub struct Arguments {
     /// How they are rebuilt, and how light is projected onto the lamps.
     #[arg(long, value_name = "METHOD", default_value = "b-spline", value_parser = method())]
     reconstruct: Method,
-    /// How many pixels to measure wavelets on, chosen by chance from those that are not black; all where there are fewer. The
-    /// time is proportional to it.
+    /// How many pixels to measure wavelets on, chosen by chance from those that are not black; all where there are fewer.
+    /// The time is proportional to it.
     #[arg(long, value_name = "N", default_value_t = PIXELS, value_parser = values::at_least_one)]
     pixels: usize,
     /// The column of the picture that is shown under the turning sliver of light, from 0; the middle if not given.

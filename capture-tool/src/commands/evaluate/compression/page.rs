@@ -123,7 +123,10 @@ pub fn page(report: &Report, figures: &Figures) -> String {
         (by_error(report, figures))
         (over_time(report, figures))
         (choices(report, figures))
-        p.note { (report.tool) ". All numbers: compression.json; tables: compression.txt; charts and pictures in full size lie beside this page." }
+        p.note {
+            (report.tool) ". All numbers: compression.json; tables: compression.txt; charts and pictures in full size "
+            "lie beside this page."
+        }
     };
     document(&format!("Compression of {}", report.asset), &body)
 }
@@ -133,11 +136,14 @@ fn representations(report: &Report) -> Markup {
     html! {
         h2 { "Representations" }
         p {
-            "Size of the arrays, and how many times smaller than the samples as 16-bit halves. Reached: ‖T − T′‖ / ‖T‖ over the whole "
-            "field, of what is stored. Project: from a map of light to weights, once a picture; relight: from weights to the picture; medians, "
-            "and how many times faster than the samples, measured in turns. Then the relative error of relit pictures against those of the samples: "
-            "the mean over the headings of a sliver of light 5 degrees wide, the hardest light there is but a single lamp"
-            @if report.representations.lights.len() > 1 { ", and each map" } "."
+            "Size of the arrays, and how many times smaller than the samples as 16-bit halves. Reached: ‖T − T′‖ / "
+            "‖T‖ over the whole field, of what is stored. Project: from a map of light to weights, once a picture; "
+            "relight: from weights to the picture; medians, and how many times faster than the samples, measured in "
+            "turns. Then the relative error of relit pictures against those of the samples: the mean over the "
+            "headings of a sliver of light 5 degrees wide, the hardest light there is but a single lamp"
+            @if report.representations.lights.len() > 1 { ", and each map" }
+            ". Wavelets are lit through the texels of their grid, linear between them, so a little of their "
+            "difference is the grid's and stays however many coefficients are kept."
         }
         (table(&heads, &rows))
         @if !report.representations.not_made.is_empty() {
@@ -160,14 +166,18 @@ fn by_count(report: &Report, figures: &Figures) -> Markup {
     html! {
         h2 { "Wavelets, the same number of coefficients for every function" }
         p {
-            "Non-linear approximation: the coefficients with the largest √(Σ"  sub { "c" } " c²) ‖s‖ are kept, one set for the three channels. "
-            "H1 is the Sobolev norm, ‖v‖² + ‖∇v‖² with differences to the next longitude and to the next angle, so that lost smoothness counts "
-            "(figure 5.6). The steeper a line falls, the better coefficients are used; Haar, which is made of steps, needs many more of them to come as "
-            "near to smooth functions as the 5/3 and the 9/7."
+            "Non-linear approximation: the coefficients with the largest √(Σ" sub { "c" }
+            " c²) ‖s‖ are kept, one set for the three channels. H1 is the Sobolev norm, ‖v‖² + ‖∇v‖² with "
+            "differences to the next longitude and to the next angle, so that lost smoothness counts (figure 5.6). "
+            "The steeper a line falls, the better coefficients are used; Haar, which is made of steps, needs many "
+            "more of them to come as near to smooth functions as the 5/3 and the 9/7."
         }
         @if !rows.is_empty() {
             p {
-                "At " (COUNT) " coefficients, mean ± deviation over the pixels of this asset; the last column is that of " (THESIS_SCENE)
+                "At "
+                (COUNT)
+                " coefficients, mean ± deviation over the pixels of this asset; the last column is that of "
+                (THESIS_SCENE)
                 ", another object and other lamps:"
             }
             (table(&heads, &rows))
@@ -195,9 +205,14 @@ fn by_error(report: &Report, figures: &Figures) -> Markup {
     html! {
         h2 { "Wavelets, as many coefficients as each function needs" }
         p {
-            "Each function gets the fewest coefficients that bring its relative L2 error down to the threshold. The H1 error is taken over time, of what the "
-            "pixel shows under a sliver of light that turns about the object (figure 5.7): on the left by threshold, on the right by the mean number of "
-            "coefficients, which is what is paid for it. The thesis, on " (THESIS_SCENE) ", reports 1 : " (ratio) " at " (report::threshold(error))
+            "Each function gets the fewest coefficients that bring its relative L2 error down to the threshold. The "
+            "H1 error is taken over time, of what the pixel shows under a sliver of light that turns about the "
+            "object (figure 5.7): on the left by threshold, on the right by the mean number of coefficients, which "
+            "is what is paid for it: for one threshold Haar keeps several times as many as the others. The thesis, "
+            "on "
+            (THESIS_SCENE)
+            ", reports 1 : "
+            (ratio) " at " (threshold(error))
             " % with an H1 error below 1 % for the 9/7."
         }
         div.row { (figures.chart("threshold.svg")) (figures.chart("mean-count.svg")) }
@@ -209,15 +224,22 @@ fn over_time(report: &Report, figures: &Figures) -> Markup {
     html! {
         h2 { "A sliver of light turning about the object" }
         p {
-            "Column " (figures.column) " of the picture over one turn of a sliver of light along a meridian, 5 degrees wide: time runs to the right, from behind "
-            "over the left, the front and the right to behind again; each row is one pixel (figure 5.8). Where a wavelet leaves steps, they show as vertical bars "
-            "that switch on and off; what is smooth in the uncompressed picture should stay smooth. All have the same exposure."
+            "Column "
+            (figures.column)
+            " of the picture over one turn of a sliver of light along a meridian, 5 degrees wide: time runs to the "
+            "right, from behind over the left, the front and the right to behind again; each row is one pixel "
+            "(figure 5.8). Where a wavelet leaves steps, they show as vertical bars that switch on and off, as "
+            "Haar's do on what is diffuse; what is smooth in the uncompressed picture should stay smooth. The 5/3 "
+            "and the 9/7 leave faint ripples instead, about glints that outshine the rest of a function. All have "
+            "the same exposure."
         }
         div.row { (figures.rebuilt.show("wide", html! { "As rebuilt, uncompressed" })) }
         @for (words, row) in &figures.over_time {
             h3 { (words) }
             div.row {
-                @for (figure, wavelet) in row.iter().zip(&report.wavelets) { (figure.show("wide", html! { (wavelet.label) })) }
+                @for (figure, wavelet) in row.iter().zip(&report.wavelets) {
+                    (figure.show("wide", html! { (wavelet.label) }))
+                }
             }
         }
     }
@@ -235,9 +257,14 @@ fn choices(report: &Report, figures: &Figures) -> Markup {
     html! {
         h2 { "Ways of choosing coefficients" }
         p {
-            "Relative L2 error of " (trees.pixels) " functions with the " (trees.wavelet) ", by the number of coefficients (6.4, 6.5). The non-linear approximation "
-            "knows all coefficients and is the best that any choice can do; trees hold what leads to each of their members, as they must when coefficients "
-            "are asked for one by one in front of a camera; the linear one takes the coarsest first, whatever their values."
+            "Relative L2 error of "
+            (trees.pixels)
+            " functions with the "
+            (trees.wavelet)
+            ", by the number of coefficients (6.4, 6.5). The non-linear approximation knows all coefficients and is "
+            "the best that any choice can do, as nearly as basis functions are orthogonal; trees hold what leads to "
+            "each of their members, as they must when coefficients are asked for one by one in front of a camera; "
+            "the linear one takes the coarsest first, whatever their values."
         }
         (figures.chart("choices.svg"))
         (table(&heads, &rows))

@@ -20,8 +20,8 @@ use crate::progress::{self, Progress, Unit};
 
 /// Headings of the sliver: 30 degrees apart.
 const POSITIONS: usize = 12;
-/// Below this part of the most light that any heading gives, a heading counts as dark: a dome before the object has no light
-/// from behind.
+/// Below this part of the most light that any heading gives, a heading counts as dark: a dome before the object has no
+/// light from behind.
 const DARK: f64 = 0.01;
 /// Pictures whose times the median is taken of.
 const TURNS: usize = 7;
@@ -193,8 +193,8 @@ fn row(
     Ok((samples, row))
 }
 
-/// Median times of two things done in turns, in seconds, so that what else the machine does slows both; each once before, to warm
-/// up.
+/// Median times of two things done in turns, in seconds, so that what else the machine does slows both; each once before,
+/// to warm up.
 fn in_turns(
     first: impl Fn() -> relume_core::Result<()>,
     second: impl Fn() -> relume_core::Result<()>,
