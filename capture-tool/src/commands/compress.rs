@@ -48,20 +48,20 @@ pub struct Arguments {
     #[arg(long, value_name = "WAVELET", group = "scheme", value_parser = wavelet)]
     wavelet: Option<Wavelet>,
     /// Spherical harmonics, for soft light alone: 25 or 225 (any square number from 4 to 625).
-    #[arg(long, value_name = "N", group = "scheme", conflicts_with_all = ["error", "terms"])]
+    #[arg(long, value_name = "N", group = "scheme", conflicts_with = "error")]
     harmonic: Option<usize>,
     /// The relative error, above 0 and below 1: of the field for --factored (0.02 if not given), of every reflectance function for
     /// --wavelet (0.01 if neither this nor --terms is given).
     #[arg(long, value_name = "E", allow_negative_numbers = true, value_parser = error)]
     error: Option<f64>,
     /// The most coefficients of a pixel; beside --error, the first that is met counts.
-    #[arg(long, value_name = "N", requires = "wavelet", allow_negative_numbers = true, value_parser = terms)]
+    #[arg(long, value_name = "N", conflicts_with_all = ["factored", "harmonic"], allow_negative_numbers = true, value_parser = terms)]
     terms: Option<usize>,
     /// The grid of the wavelets: longitudes x angles from the axis, over the coverage of the lamps.
-    #[arg(long, value_name = "WxH", requires = "wavelet", default_value = "256x64", value_parser = values::grid)]
+    #[arg(long, value_name = "WxH", conflicts_with_all = ["factored", "harmonic"], default_value = "256x64", value_parser = values::grid)]
     grid: (usize, usize),
     /// How functions are rebuilt on the grid.
-    #[arg(long, value_name = "METHOD", requires = "wavelet", default_value = "b-spline",
+    #[arg(long, value_name = "METHOD", conflicts_with_all = ["factored", "harmonic"], default_value = "b-spline",
           value_parser = values::choice(&settings::RECONSTRUCTION))]
     reconstruct: usize,
     /// What stays beside the new representation: dense (the samples), factored, wavelet, harmonics, as far as the field has
@@ -214,7 +214,9 @@ mod tests {
             ("--factored --error 1", "below 1"),
             ("--factored --error nan", "nan"),
             ("--factored --error 2%", "0.02"),
-            ("--factored --terms 4", "--wavelet"),
+            ("--factored --terms 4", "--terms"),
+            ("--factored --grid 64x16", "--grid"),
+            ("--harmonic 25 --reconstruct linear", "--reconstruct"),
             ("--wavelet 9/7 --terms 0", "from 1 on"),
             ("--wavelet 9/7 --terms 1.5", "from 1 on"),
             ("--wavelet db4", "9/7"),
