@@ -164,7 +164,8 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
         MAPS.join(", "),
         "samples",
         "it",
-        "faster"
+        "faster",
+        "at best"
     );
     for candidate in candidates {
         let path = source.with_extension("compact.rfield");
