@@ -67,7 +67,7 @@ impl LowRank {
 /// the result does not depend on the number of threads, of which it uses one.
 ///
 /// Cost: exact, `2 m n s + O(s^3)` for the smaller side s in f64; else about `16 m n k` operations in f32, k the rank rounded up
-/// to whole blocks, and a copy of the matrix: @@TIME@@ for 12288 x 1280 at rank 100.
+/// to whole blocks, and a copy of the matrix: about a second for 12288 x 1280 at rank 100.
 ///
 /// # Errors
 /// A matrix without numbers or with some that are not finite; a bound that is negative or NaN.
@@ -359,19 +359,6 @@ mod tests {
         for number in [f32::NAN, f32::INFINITY] {
             bad[(1, 1)] = number;
             assert!(low_rank(&bad, 1.0, 1).unwrap_err().to_string().contains("not finite"));
-        }
-    }
-
-    /// Not run by default: `cargo test -p relume-core --lib low_rank -- --ignored --nocapture`.
-    #[test]
-    #[ignore = "a timing"]
-    #[expect(clippy::print_stdout, reason = "a timing")]
-    fn time_of_a_tile() {
-        for (ratio, noise, bound) in [(0.8, 1e-5, 1e-6), (0.9, 1e-5, 1e-6)] {
-            let matrix = matrix(12_288, 1280, 400, ratio, noise, 5);
-            let start = std::time::Instant::now();
-            let factors = low_rank(&matrix, bound * squared(&matrix), 1).unwrap();
-            println!("rank {}: {:.2} s", factors.rank(), start.elapsed().as_secs_f64());
         }
     }
 }
