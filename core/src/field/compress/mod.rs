@@ -13,7 +13,7 @@
 //! | `harmonics` | spherical harmonics |
 //! | `factored` | tiles of low rank |
 //! | `selection` | the largest terms of a pixel, by count and by error |
-//! | `wavelet` | for each pixel its own set of wavelet coefficients |
+//! | `wavelet`, `wavelet_arrays` | for each pixel its own set of wavelet coefficients |
 
 mod errors;
 mod factored;
@@ -22,6 +22,7 @@ mod selection;
 mod spool;
 mod survey;
 mod wavelet;
+mod wavelet_arrays;
 
 use std::path::Path;
 
