@@ -61,7 +61,7 @@ pub enum Scheme {
         grid: (usize, usize),
         /// How functions are rebuilt on the grid: [`Method::BSpline`].
         reconstruction: Method,
-        /// The largest relative error of a reflectance function, all channels together, above 0 and below 1.
+        /// The largest relative error of a reflectance function, all channels together, from 0.001 to 1.
         error: Option<f64>,
         /// The most coefficients of a pixel.
         terms: Option<usize>,

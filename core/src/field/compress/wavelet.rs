@@ -38,6 +38,8 @@ const CLOSE_ENOUGH: f64 = 0.95;
 const AIM: f64 = 0.97;
 /// A budget grows by no more than this at a time.
 const MOST_GROWTH: f64 = 4.0;
+/// The smallest error that can be asked for: rounding to halves alone, to 11 bits, is some 3e-4.
+const LEAST_ERROR: f64 = 1e-3;
 /// Choices after which a set that will do is left as it is.
 const TRIES: usize = 3;
 /// Choices after which the best that halves allow is taken as it is.
@@ -55,8 +57,9 @@ pub struct Wanted {
 
 impl Wanted {
     fn check(&self) -> Result<()> {
-        if let Some(error) = self.error.filter(|error| !(*error > 0.0 && *error < 1.0)) {
-            let expected = "a relative error above 0 and below 1, such as 0.01";
+        if let Some(error) = self.error.filter(|error| !(LEAST_ERROR..1.0).contains(error)) {
+            let expected =
+                format!("{LEAST_ERROR} to 1, such as 0.01: halves keep no less, and an error of 1 keeps nothing");
             return Err(Error::invalid("the error of wavelets", error.to_string(), expected));
         }
         match (self.error, self.terms) {
