@@ -11,10 +11,12 @@ use rand::{RngExt, SeedableRng};
 use relume_core::Result;
 use relume_core::domain::Directions;
 use relume_core::field::compress::{Scheme, compress};
-use relume_core::field::{Access, Asset, Bands, Contents, Precision, write};
+use relume_core::field::{Access, Asset, Bands, Contents, Kind, Precision, write};
 use relume_core::image::{Image, Window};
 use relume_core::math::Vec3;
+use relume_core::reconstruct::Method;
 use relume_core::relight::{Light, Look, Relighter};
+use relume_core::wavelet::Wavelet;
 
 /// Counts what is allocated, and the most that ever was.
 struct Counting;
@@ -72,10 +74,20 @@ fn container(path: &Path) {
     write(path, &contents, &mut Ramp).unwrap();
 }
 
-/// The same, as tiles of low rank alone.
-fn factored(samples: &Path, path: &Path) {
-    let samples = Asset::open(samples, Access::Read).unwrap();
-    compress(&samples, path, &Scheme::Factored { error: 0.01 }, &[], &mut |_, _, _| Ok(())).unwrap();
+/// Every compact representation of a container, beside the samples.
+fn compact(samples: &Path, path: &Path) {
+    let wavelets = Scheme::Wavelet {
+        wavelet: Wavelet::LeGall53,
+        grid: (16, 8),
+        reconstruction: Method::Linear,
+        error: None,
+        terms: Some(9),
+    };
+    std::fs::copy(samples, path).unwrap();
+    for scheme in [Scheme::Factored { error: 0.01 }, Scheme::Harmonics { functions: 4 }, wavelets] {
+        let asset = Asset::open(path, Access::Read).unwrap();
+        compress(&asset, path, &scheme, &Kind::ALL, &mut |_, _, _| Ok(())).unwrap();
+    }
 }
 
 /// One to four changes: flipped bits, runs overwritten, pieces cut out, doubled or truncated, numbers made huge; half of them
@@ -112,8 +124,12 @@ fn used(path: &Path, access: Access) -> Result<()> {
     let verified = asset.verify(&mut |_, _| Ok(()));
     let (w, h) = (asset.width(), asset.height());
     let relighter = Relighter::new(asset);
-    let weights = relighter.weights(Light::Lamp(1), &Look::default())?;
-    relighter.render(&weights, &Look { ambient: 1.0, ..Look::default() }, Window::full(w, h))?;
+    for kind in Kind::ALL.into_iter().filter(|kind| relighter.asset().manifest().representation(*kind).is_some()) {
+        let look = Look { representation: Some(kind), ambient: 1.0, ..Look::default() };
+        let weights = relighter.weights(Light::Lamp(1), &look)?;
+        relighter.render(&weights, &look, Window::full(w, h))?;
+        relighter.asset().errors(kind)?;
+    }
     verified
 }
 
@@ -122,9 +138,9 @@ fn mutated_containers_never_panic_or_over_allocate() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.rfield");
     container(&path);
-    let compact = folder.path().join("b.rfield");
-    factored(&path, &compact);
-    let originals = [&path, &compact].map(|path| {
+    let several = folder.path().join("b.rfield");
+    compact(&path, &several);
+    let originals = [&path, &several].map(|path| {
         used(path, Access::Mapped).unwrap();
         std::fs::read(path).unwrap()
     });
