@@ -56,12 +56,11 @@ fn numbers(samples: Samples<'_>) -> Vec<[Vec<f64>; 3]> {
     for (by, bx) in (0..layout.rows()).flat_map(|by| (0..layout.columns()).map(move |bx| (by, bx))) {
         for c in 0..3 {
             samples.read(bx, by, c, &mut room, &mut numbers).unwrap();
-            for at in 0..128 {
-                let (x, y) = (bx * 16 + at % 16, by * 8 + at / 16);
-                if x < layout.width && y < layout.height {
-                    let of_pixel = numbers.iter().skip(at).step_by(128);
-                    all[y * layout.width + x][c] = of_pixel.map(|t| f64::from(t * samples.scale())).collect();
-                }
+            let inside = (0..128).map(|at| (at, bx * 16 + at % 16, by * 8 + at / 16));
+            for (at, x, y) in inside.filter(|(_, x, y)| *x < layout.width && *y < layout.height) {
+                let of_pixel = numbers.iter().skip(at).step_by(128).map(|t| f64::from(t * samples.scale()));
+                let pixel = &mut all[y * layout.width + x];
+                pixel[c] = of_pixel.collect();
             }
         }
     }
