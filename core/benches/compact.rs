@@ -6,10 +6,11 @@
 //!
 //! - how many times smaller it is than samples in halves, its relative error over the field, and how long it took to make;
 //! - the relative L2 error of pictures relit under the four maps of `hdri`, against the samples;
-//! - how many times faster it relights. The two take turns, and both are medians.
+//! - how many times faster it relights. The two take turns; medians, and the fastest of each, which other work on the machine
+//!   disturbs least.
 //!
-//! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of a case's name runs that case
-//! alone.
+//! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of `case/representation`, such
+//! as `painting` or `stage-1280/factored`, runs what it is a part of.
 
 #![allow(clippy::print_stdout, missing_docs)]
 
@@ -30,7 +31,7 @@ use relume_core::simulate::{Camera, Quality, Scene, Stage, grid_lamps};
 use relume_core::wavelet::Wavelet;
 
 /// Runs of each; medians count.
-const RUNS: usize = 21;
+const RUNS: usize = 41;
 /// Columns of the virtual pictures: 377 MB of samples, far beyond any cache.
 const WIDTH: usize = 256;
 const MAPS: [&str; 4] = ["apartment", "city", "night", "park"];
@@ -62,7 +63,10 @@ fn harmonics(functions: usize) -> Candidate {
 
 fn main() -> Result<()> {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
-    let wants = |name: &str| wanted.is_empty() || wanted.iter().any(|part| name.contains(part));
+    let wants = |case: &str, candidate: &Candidate| {
+        let name = format!("{case}/{}", candidate.name);
+        wanted.is_empty() || wanted.iter().any(|part| name.contains(part))
+    };
     let data = std::env::var_os("RELUME_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
     if !data.is_dir() {
@@ -77,20 +81,29 @@ fn main() -> Result<()> {
     result
 }
 
-fn run(wants: &dyn Fn(&str) -> bool, data: &Path, folder: &Path) -> Result<()> {
+fn run(wants: &dyn Fn(&str, &Candidate) -> bool, data: &Path, folder: &Path) -> Result<()> {
     println!("{} threads; medians of {RUNS} runs", rayon::current_num_threads());
-    if wants("stage-1280") {
-        let path = folder.join("stage-1280.rfield");
-        stage(&path)?;
-        let wavelets = [wavelets(None, Some(256)), wavelets(Some(0.01), None)];
-        let others = [factored(0.04), factored(0.02), harmonics(25), harmonics(225)];
-        let candidates: Vec<Candidate> = others.into_iter().chain(wavelets).collect();
-        case("stage-1280", &path, data, &candidates)?;
-    }
-    if wants("painting-72") {
-        let path = folder.join("painting-72.rfield");
-        painting(data, &path)?;
-        case("painting-72", &path, data, &[factored(0.02), factored(0.04), harmonics(25)])?;
+    let on_stage = vec![
+        factored(0.04),
+        factored(0.02),
+        wavelets(None, Some(256)),
+        wavelets(Some(0.01), None),
+        harmonics(25),
+        harmonics(225),
+    ];
+    let of_painting = vec![factored(0.02), factored(0.04), harmonics(25)];
+    for (name, mut candidates) in [("stage-1280", on_stage), ("painting-72", of_painting)] {
+        candidates.retain(|candidate| wants(name, candidate));
+        if candidates.is_empty() {
+            continue;
+        }
+        let path = folder.join(format!("{name}.rfield"));
+        if name == "stage-1280" {
+            stage(&path)?
+        } else {
+            painting(data, &path)?
+        }
+        case(name, &path, data, &candidates)?;
     }
     Ok(())
 }
@@ -142,7 +155,7 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
     let bytes = dense.asset().bytes(Kind::Dense);
     println!("\n{name}: {} lamps, {w} x {h}, {:.1} MB", dense.asset().domain().len(), bytes as f64 / 1e6);
     println!(
-        "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7}",
+        "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7} {:>7}",
         "",
         "smaller",
         "error",
@@ -151,7 +164,8 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
         MAPS.join(", "),
         "samples",
         "it",
-        "faster"
+        "faster",
+        "at best"
     );
     for candidate in candidates {
         let path = source.with_extension("compact.rfield");
@@ -160,20 +174,21 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
         let made = start.elapsed().as_secs_f64();
         let compact = Relighter::new(Asset::open(&path, Access::Mapped)?);
         let errors = relit(&dense, &compact, candidate, &maps, name)?;
-        let (samples, it) = times(&dense, &compact, &maps[3])?;
+        let [samples, it] = times(&dense, &compact, &maps[3])?;
         let held = compact.asset().bytes(candidate.kind);
         let reached = compact.asset().manifest().representations[0].loss().map_or(0.0, |loss| loss.reached);
         let each: Vec<String> = errors.iter().map(|e| format!("{:.2}", 100.0 * e)).collect();
         println!(
-            "  {:16} {:7.2}x {:6.2} % {made:6.1} s  {:6.2} % ({:>26})  {:6.2} ms {:6.2} ms {:6.2}x",
+            "  {:16} {:7.2}x {:6.2} % {made:6.1} s  {:6.2} % ({:>26})  {:6.2} ms {:6.2} ms {:6.2}x {:6.2}x",
             candidate.name,
             bytes as f64 / held as f64,
             100.0 * reached,
             100.0 * errors.iter().sum::<f64>() / errors.len() as f64,
             each.join(", "),
-            samples * 1e3,
-            it * 1e3,
-            samples / it
+            samples.0 * 1e3,
+            it.0 * 1e3,
+            samples.0 / it.0,
+            samples.1 / it.1
         );
         words(compact.asset());
     }
@@ -247,8 +262,8 @@ fn keep(folder: &Path, stem: &str, picture: &Image, reference: &Image) -> Result
     image::write(&folder.join(format!("{stem}-20x.png")), &shown(&|p, r| 0.2 + 20.0 * (p - r))?, options)
 }
 
-/// Seconds to relight a frame once its weights are there: by the samples, and by the compact form.
-fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<(f64, f64)> {
+/// Seconds to relight a frame once its weights are there: by the samples, and by the compact form: median, fastest.
+fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<[(f64, f64); 2]> {
     let look = Look::default();
     let both: [(&Relighter, Weights); 2] =
         [(dense, dense.weights(Light::Map(map), &look)?), (compact, compact.weights(Light::Map(map), &look)?)];
@@ -263,15 +278,12 @@ fn times(dense: &Relighter, compact: &Relighter, map: &EnvMap) -> Result<(f64, f
             }
         }
     }
-    let [mut dense, mut compact] = times;
-    Ok((middle(&mut dense), middle(&mut compact)))
+    Ok(times.map(|mut times| {
+        times.sort_by(f64::total_cmp);
+        (times[times.len() / 2], times[0])
+    }))
 }
 
 fn full(relighter: &Relighter) -> Window {
     Window::full(relighter.asset().width(), relighter.asset().height())
-}
-
-fn middle(times: &mut [f64]) -> f64 {
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
 }

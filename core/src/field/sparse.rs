@@ -87,21 +87,19 @@ pub struct Terms<'a> {
     coefficients: &'a [f16],
 }
 
-impl Terms<'_> {
-    /// Copies the terms of pixel k of the block out: locations, and coefficients as stored, RGB after RGB.
-    pub fn of_pixel(&self, k: usize, locations: &mut Vec<u32>, coefficients: &mut Vec<f32>) {
-        use half::slice::HalfFloatSliceExt;
+impl<'a> Terms<'a> {
+    /// The coefficients of pixel k of the block, as stored, RGB after RGB; their locations are copied out.
+    pub fn of_pixel(&self, k: usize, locations: &mut Vec<u32>) -> &'a [f16] {
         let first = self.offsets[0];
         let own = (self.offsets[k] - first) as usize..(self.offsets[k + 1] - first) as usize;
-        let halves = &self.coefficients[CHANNELS * own.start..CHANNELS * own.end];
-        coefficients.resize(halves.len(), 0.0);
-        halves.convert_to_f32_slice(coefficients);
         locations.clear();
+        let halves = &self.coefficients[CHANNELS * own.start..CHANNELS * own.end];
         match self.locations {
             Locations::One(all) => locations.extend(all[own].iter().map(|&l| u32::from(l))),
             Locations::Two(all) => locations.extend(all[own].iter().map(|&l| u32::from(l))),
             Locations::Four(all) => locations.extend_from_slice(&all[own]),
         }
+        halves
     }
 
     /// Does no pixel of the block have a term?
@@ -205,10 +203,12 @@ impl Sparse {
             2 => Locations::Two(bytemuck::cast_slice(bytes)),
             _ => Locations::Four(bytemuck::cast_slice(bytes)),
         };
+        // Without an early end the loops vectorise.
+        let texels = self.layout.elements as u32;
         let outside = match locations {
-            Locations::One(all) => all.iter().any(|&l| usize::from(l) >= self.layout.elements),
-            Locations::Two(all) => all.iter().any(|&l| usize::from(l) >= self.layout.elements),
-            Locations::Four(all) => all.iter().any(|&l| l as usize >= self.layout.elements),
+            Locations::One(all) => all.iter().fold(false, |bad, &l| bad | (u32::from(l) >= texels)),
+            Locations::Two(all) => all.iter().fold(false, |bad, &l| bad | (u32::from(l) >= texels)),
+            Locations::Four(all) => all.iter().fold(false, |bad, &l| bad | (l >= texels)),
         };
         if outside {
             let expected = format!("locations below {}", self.layout.elements);
@@ -248,12 +248,12 @@ impl Sparse {
         }
         let mut buffer = TermBuffer::default();
         let terms = self.block(x / BLOCK_WIDTH, y / BLOCK_HEIGHT, &mut buffer)?;
-        let (mut locations, mut coefficients) = (Vec::new(), Vec::new());
-        terms.of_pixel(y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH, &mut locations, &mut coefficients);
+        let mut locations = Vec::new();
+        let coefficients = terms.of_pixel(y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH, &mut locations);
         let mut function = vec![[0.0; CHANNELS]; elements];
         for (location, rgb) in locations.iter().zip(coefficients.chunks_exact(CHANNELS)) {
             let place = &mut function[*location as usize];
-            place.iter_mut().zip(rgb).for_each(|(value, c)| *value += c * self.scale);
+            place.iter_mut().zip(rgb).for_each(|(value, c)| *value += c.to_f32() * self.scale);
         }
         self.transform.inverse(function.as_flattened_mut(), CHANNELS);
         Ok(function)

@@ -15,9 +15,9 @@ use super::lattice::{LANES, Lanes};
 use crate::domain::Directions;
 use crate::math::Vec3;
 
-/// What a multiplication inside a matrix product costs, against one of a sparse row (measured: a tenth). Above this
-/// density a plain matrix product is faster than skipping zeros.
-pub(super) const DENSE_SHARE: f64 = 0.1;
+/// What a multiplication inside a matrix product costs, against one of a sparse row (measured for 128 lanes: 0.37 to 0.44;
+/// less for more). Above this density a plain matrix product is faster than skipping zeros.
+pub(super) const DENSE_SHARE: f64 = 0.4;
 
 /// The reconstructed functions at some directions, as one linear map of the samples.
 ///

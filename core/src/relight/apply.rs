@@ -49,7 +49,10 @@ pub(super) trait Source: Sync {
     fn block<'a>(&'a self, bx: usize, by: usize, c: usize, buffer: &'a mut BlockBuffer) -> Result<Block<'a>>;
 
     /// For each illumination one factor an element of that block, the field's scale included.
-    fn factors(&self, bx: usize, by: usize, c: usize) -> &[Vec<f32>];
+    ///
+    /// # Errors
+    /// Bytes that cannot be read.
+    fn factors(&self, bx: usize, by: usize, c: usize) -> Result<&[Vec<f32>]>;
 }
 
 /// Coefficient pictures: the same factors everywhere.
@@ -72,8 +75,8 @@ impl Source for Whole<'_> {
         self.dense.block(bx, by, c, buffer)
     }
 
-    fn factors(&self, _: usize, _: usize, c: usize) -> &[Vec<f32>] {
-        &self.weights[c]
+    fn factors(&self, _: usize, _: usize, c: usize) -> Result<&[Vec<f32>]> {
+        Ok(&self.weights[c])
     }
 }
 
@@ -101,7 +104,7 @@ impl<S: Source> Stream<'_, S> {
         for bx in columns {
             for c in 0..3 {
                 let block = self.source.block(bx, by, c, &mut buffer)?;
-                let factors = self.source.factors(bx, by, c);
+                let factors = self.source.factors(bx, by, c)?;
                 if let [weights] = factors {
                     self.scatter(&kernels::block_sums(self.isa, block, weights), bx, by, c, strips[0]);
                     continue;

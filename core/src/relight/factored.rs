@@ -3,13 +3,13 @@
 //! `u = B w` is made once for each tile that the window touches, channel and light; the blocks of A are then streamed as those
 //! of a dense field of as many elements as the tile has ranks, with `u` as their weights.
 
-use rayon::prelude::*;
+use std::sync::OnceLock;
 
 use super::Weights;
 use super::apply::{Source, stream};
 use super::kernels::{self, Isa};
 use super::strips::check;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, BlockBuffer, Factored, Layout};
 use crate::image::{Image, Window};
 
@@ -21,56 +21,56 @@ use crate::image::{Image, Window};
 /// As [`apply`](super::apply).
 pub(super) fn apply_factored(factored: &Factored, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
     check(factored.layout(), weights, window)?;
-    stream(&Projected::new(factored, weights, window)?, weights.len(), window)
+    stream(&Projected::new(factored, weights, window), weights.len(), window)
 }
 
 /// For each channel and light, `u` of one tile.
 type Factors = [Vec<Vec<f32>>; 3];
 
-/// Tiles with what their blocks are multiplied by.
+/// Tiles with what their blocks are multiplied by, made when the first of these is met: the field is read in one pass.
 struct Projected<'a> {
     factored: &'a Factored,
-    /// The tiles of the window, row after row.
-    factors: Vec<Factors>,
+    /// Weights of the lamps, the field's scale included.
+    weights: Factors,
+    /// The tiles of the window, row after row; nothing in one whose bytes cannot be read.
+    factors: Vec<OnceLock<Option<Factors>>>,
     /// Column and row of the first of them, and how many are in a row.
     first: (usize, usize),
     across: usize,
+    isa: Isa,
 }
 
 impl<'a> Projected<'a> {
-    fn new(factored: &'a Factored, weights: &[&Weights], window: Window) -> Result<Self> {
-        let tiles = factored.tiles();
-        let [width, height] = tiles.size;
+    fn new(factored: &'a Factored, weights: &[&Weights], window: Window) -> Self {
+        let [width, height] = factored.tiles().size;
         let (columns, rows) =
             (window.x0 / width..window.x1.div_ceil(width), window.y0 / height..window.y1.div_ceil(height));
-        let (first, across) = ((columns.start, rows.start), columns.len());
-        let scaled: Factors = std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, factored.scale())).collect());
-        let touched: Vec<usize> =
-            rows.flat_map(|ty| columns.clone().map(move |tx| ty * tiles.columns() + tx)).collect();
-        let isa = Isa::detect();
-        let factors = touched
-            .into_par_iter()
-            .map_init(Default::default, |room, tile| project(factored, tile, &scaled, isa, room))
-            .collect::<Result<_>>()?;
-        Ok(Self { factored, factors, first, across })
+        Self {
+            factored,
+            weights: std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, factored.scale())).collect()),
+            factors: (0..columns.len() * rows.len()).map(|_| OnceLock::new()).collect(),
+            first: (columns.start, rows.start),
+            across: columns.len(),
+            isa: Isa::detect(),
+        }
+    }
+
+    fn project(&self, tile: usize) -> Result<Factors> {
+        project(self.factored, tile, &self.weights, self.isa)
     }
 }
 
-/// `B w` of a tile: each row of B is read and converted once for all channels and lights.
-fn project(
-    factored: &Factored,
-    tile: usize,
-    weights: &Factors,
-    isa: Isa,
-    (buffer, row): &mut (BlockBuffer, Vec<f32>),
-) -> Result<Factors> {
+/// `B w` of a tile: each row of B is read once for all channels and lights.
+fn project(factored: &Factored, tile: usize, weights: &Factors, isa: Isa) -> Result<Factors> {
+    let (mut buffer, mut room) = (BlockBuffer::default(), Vec::new());
     let rank = factored.ranks()[tile] as usize;
-    let right = factored.right(tile, buffer)?;
+    let right = factored.right(tile, &mut buffer)?;
     let mut factors: Factors = std::array::from_fn(|c| vec![Vec::with_capacity(rank); weights[c].len()]);
     for halves in right.chunks_exact(factored.layout().elements) {
-        kernels::expand(isa, Block::Half(halves), row);
-        for (factors, weights) in factors.iter_mut().flatten().zip(weights.iter().flatten()) {
-            factors.push(kernels::dot(isa, row, weights));
+        for light in 0..weights[0].len() {
+            let of_light = weights.each_ref().map(|weights| weights[light].as_slice());
+            let dots = kernels::dots(isa, halves, of_light, &mut room);
+            factors.iter_mut().zip(dots).for_each(|(factors, dot)| factors[light].push(dot));
         }
     }
     Ok(factors)
@@ -89,9 +89,19 @@ impl Source for Projected<'_> {
         self.factored.block(bx, by, c, buffer)
     }
 
-    fn factors(&self, bx: usize, by: usize, c: usize) -> &[Vec<f32>] {
-        let [width, height] = self.factored.tiles().size;
-        let (tx, ty) = (bx * BLOCK_WIDTH / width - self.first.0, by * BLOCK_HEIGHT / height - self.first.1);
-        &self.factors[ty * self.across + tx][c]
+    fn factors(&self, bx: usize, by: usize, c: usize) -> Result<&[Vec<f32>]> {
+        let tiles = self.factored.tiles();
+        let [width, height] = tiles.size;
+        let (tx, ty) = (bx * BLOCK_WIDTH / width, by * BLOCK_HEIGHT / height);
+        let tile = ty * tiles.columns() + tx;
+        let of_tile = &self.factors[(ty - self.first.1) * self.across + tx - self.first.0];
+        match of_tile.get_or_init(|| self.project(tile).ok()) {
+            Some(factors) => Ok(&factors[c]),
+            // Once more, for the message.
+            None => Err(self.project(tile).err().unwrap_or_else(|| {
+                let place = self.path().display().to_string();
+                Error::invalid(place, "bytes that could be read only the second time", "a disk that answers")
+            })),
+        }
     }
 }

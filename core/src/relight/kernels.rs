@@ -175,12 +175,35 @@ fn partial_sums(a: &[f32], b: &[f32], multiply_add: impl Fn(f32, f32, f32) -> f3
     for ((sum, a), b) in sums.iter_mut().zip(rest_a).zip(rest_b) {
         *sum = multiply_add(*a, *b, *sum);
     }
+    total(sums)
+}
+
+/// The sum of sums, by halves.
+#[inline(always)]
+fn total(mut sums: [f32; SIDE_BY_SIDE]) -> f32 {
     let mut half = SIDE_BY_SIDE / 2;
     while half > 0 {
         (0..half).for_each(|k| sums[k] += sums[k + half]);
         half /= 2;
     }
     sums[0]
+}
+
+/// [`dot`] of one row of halves with three vectors, each the same bits as alone; `room` is for the row as floats.
+///
+/// # Panics
+/// When they are not of one length.
+pub fn dots(isa: Isa, row: &[f16], vectors: [&[f32]; 3], room: &mut Vec<f32>) -> [f32; 3] {
+    assert!(vectors.iter().all(|v| v.len() == row.len()), "vectors of one length");
+    match isa.0 {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: an `Isa` only comes from `available`; the lengths were checked above.
+        Kind::Avx512 => unsafe { avx512::dots(row, vectors) },
+        _ => {
+            expand(isa, Block::Half(row), room);
+            vectors.map(|v| dot(isa, room, v))
+        }
+    }
 }
 
 /// How many bytes ahead of its use a line is asked for: some 4 KiB covers DRAM latency at 10 to 20 GB/s a core.
@@ -193,9 +216,11 @@ mod avx512 {
 
     use half::f16;
 
-    use super::{BLOCK_PIXELS, PREFETCH_BYTES, Sums, TOGETHER, partial_sums};
+    use super::{BLOCK_PIXELS, PREFETCH_BYTES, SIDE_BY_SIDE, Sums, TOGETHER, partial_sums, total};
 
     const LANES: usize = 16;
+    /// Registers for the sums of a dot.
+    const DOT_REGISTERS: usize = SIDE_BY_SIDE / LANES;
     const REGISTERS: usize = BLOCK_PIXELS / LANES;
     /// Two passes of half a block: 4 illuminations x 4 sums are 16 of the 32 registers.
     const HALF_REGISTERS: usize = REGISTERS / 2;
@@ -294,6 +319,40 @@ mod avx512 {
     #[target_feature(enable = "avx512f")]
     pub fn dot(a: &[f32], b: &[f32]) -> f32 {
         partial_sums(a, b, f32::mul_add)
+    }
+
+    /// # Safety
+    /// The processor has AVX-512F; the vectors are as long as the row.
+    #[target_feature(enable = "avx512f")]
+    pub unsafe fn dots(row: &[f16], vectors: [&[f32]; 3]) -> [f32; 3] {
+        let mut acc = [[_mm512_setzero_ps(); DOT_REGISTERS]; 3];
+        let (whole, rest) = row.as_chunks::<SIDE_BY_SIDE>();
+        for (n, chunk) in whole.iter().enumerate() {
+            for line in 0..2 {
+                _mm_prefetch::<_MM_HINT_T0>(chunk.as_ptr().wrapping_byte_add(PREFETCH_BYTES + line * 64).cast());
+            }
+            for k in 0..DOT_REGISTERS {
+                // SAFETY: k < 4, 16 halves each of the 64 in the chunk; the vectors are as long as the row.
+                unsafe {
+                    let halves = _mm256_loadu_si256(chunk.as_ptr().add(k * LANES).cast());
+                    let numbers = _mm512_cvtph_ps(halves);
+                    for (acc, vector) in acc.iter_mut().zip(&vectors) {
+                        let others = _mm512_loadu_ps(vector.as_ptr().add(n * SIDE_BY_SIDE + k * LANES));
+                        acc[k] = _mm512_fmadd_ps(numbers, others, acc[k]);
+                    }
+                }
+            }
+        }
+        let mut answers = [0.0; 3];
+        for ((answer, acc), vector) in answers.iter_mut().zip(&acc).zip(vectors) {
+            let mut sums = [0.0; SIDE_BY_SIDE];
+            store(acc, &mut sums);
+            for ((sum, half), other) in sums.iter_mut().zip(rest).zip(&vector[whole.len() * SIDE_BY_SIDE..]) {
+                *sum = half.to_f32().mul_add(*other, *sum);
+            }
+            *answer = total(sums);
+        }
+        answers
     }
 
     #[target_feature(enable = "avx512f")]
@@ -429,6 +488,10 @@ mod tests {
             for isa in Isa::available() {
                 let sum = f64::from(dot(isa, &a, &b));
                 assert!((sum - exact).abs() < 1e-5, "{isa:?}, {length} numbers: {sum} against {exact}");
+                let (row, mut room) = (a.iter().map(|&v| f16::from_f32(v)).collect::<Vec<f16>>(), Vec::new());
+                let expanded: Vec<f32> = row.iter().map(|v| v.to_f32()).collect();
+                let three = dots(isa, &row, [&b, &a, &expanded], &mut room);
+                assert_eq!(three, [&b, &a, &expanded].map(|v| dot(isa, &expanded, v)), "{isa:?}, {length} numbers");
             }
         }
     }

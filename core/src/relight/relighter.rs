@@ -223,7 +223,8 @@ impl Relighter {
         };
         let across = window.width().max(1);
         let rows = element.data_mut().par_chunks_exact_mut(4 * across).zip(lit.data().par_chunks_exact(3 * across));
-        rows.enumerate().for_each(row);
+        // Threads are not woken for less than they cost.
+        rows.enumerate().with_min_len((1 << 15) / across).for_each(row);
         element
     }
 }

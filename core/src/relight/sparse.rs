@@ -1,9 +1,10 @@
 //! Relighting by wavelet coefficients: for each pixel a gather from the transformed light.
 
 use super::Weights;
+use super::kernels::{self, Isa};
 use super::strips::{by_rows, check, rows_of};
 use crate::error::Result;
-use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Sparse, TermBuffer};
+use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, Sparse, TermBuffer};
 use crate::image::{Image, Window};
 
 /// The transformed light by location, RGB and a zero: no row crosses a cache line, and 256 x 64 of them stay in the
@@ -25,7 +26,7 @@ pub(super) fn apply_sparse(sparse: &Sparse, weights: &[&Weights], window: Window
     check(layout, weights, window)?;
     let scale = sparse.scale();
     let table = |w: &&Weights| w.factors().iter().map(|&[r, g, b]| [r * scale, g * scale, b * scale, 0.0]).collect();
-    let gather = Gather { sparse, tables: weights.iter().map(table).collect(), window };
+    let gather = Gather { sparse, tables: weights.iter().map(table).collect(), window, isa: Isa::detect() };
     by_rows(layout, sparse.path(), weights.len(), window, |by, strips| gather.row(by, strips))
 }
 
@@ -34,6 +35,7 @@ struct Gather<'a> {
     sparse: &'a Sparse,
     tables: Vec<Table>,
     window: Window,
+    isa: Isa,
 }
 
 impl Gather<'_> {
@@ -50,7 +52,11 @@ impl Gather<'_> {
             let columns = (bx * BLOCK_WIDTH).max(self.window.x0)..((bx + 1) * BLOCK_WIDTH).min(self.window.x1);
             for (y, x) in rows.clone().flat_map(|y| columns.clone().map(move |x| (y, x))) {
                 let k = y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH;
-                terms.of_pixel(k, &mut locations, &mut coefficients);
+                let halves = terms.of_pixel(k, &mut locations);
+                if halves.is_empty() {
+                    continue;
+                }
+                kernels::expand(self.isa, Block::Half(halves), &mut coefficients);
                 let at = ((y - rows.start) * self.window.width() + x - self.window.x0) * 3;
                 for (strip, table) in strips.iter_mut().zip(&self.tables) {
                     strip[at..at + 3].copy_from_slice(&sum(&locations, &coefficients, table));

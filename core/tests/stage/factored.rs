@@ -114,7 +114,11 @@ fn it_relights_as_its_decoded_samples_do() {
             for c in 0..3 {
                 let expected: f64 = functions[c].iter().zip(&w.rgb).map(|(t, w)| t * f64::from(w[c])).sum();
                 let reach: f64 = functions[c].iter().map(|t| t.abs()).sum();
-                assert!((f64::from(pixel[c]) - expected).abs() <= 2e-5 * reach + 1e-7, "{} is not {expected}", pixel[c]);
+                assert!(
+                    (f64::from(pixel[c]) - expected).abs() <= 2e-5 * reach + 1e-7,
+                    "{} is not {expected}",
+                    pixel[c]
+                );
             }
         }
     }
@@ -151,14 +155,18 @@ fn the_error_asked_for_is_kept_and_measured() {
         assert_eq!(loss.asked, Some(error));
         assert!(loss.reached <= error, "{} for {error}", loss.reached);
         let lost = |p: usize, c: usize| norm(exact[p][c].iter().zip(&decoded[p][c]).map(|(t, d)| t - d));
-        let reached = norm((0..exact.len()).flat_map(|p| (0..3).map(move |c| (p, c))).map(|(p, c)| lost(p, c))) / energy;
+        let reached =
+            norm((0..exact.len()).flat_map(|p| (0..3).map(move |c| (p, c))).map(|(p, c)| lost(p, c))) / energy;
         assert!((reached / loss.reached - 1.0).abs() < 1e-3, "{reached} against {}", loss.reached);
         // e_p is the error of the worst channel, and no more than rounding up makes of it: a light shaped as the error itself
         // uses all of the bound.
         for (p, e) in asset.errors(Kind::Factored).unwrap().unwrap().into_iter().enumerate() {
             let worst = (0..3).map(|c| lost(p, c)).fold(0.0, f64::max);
             let (e, least) = (f64::from(e), f64::from(loss.scale) * 2f64.powi(-24));
-            assert!(e >= worst * (1.0 - 1e-4) - 1e-6 && e <= worst * 1.0015 + least + 1e-6, "pixel {p}: {e} for {worst}");
+            assert!(
+                e >= worst * (1.0 - 1e-4) - 1e-6 && e <= worst * 1.0015 + least + 1e-6,
+                "pixel {p}: {e} for {worst}"
+            );
         }
         // Less is asked for, less is stored.
         assert!(asset.bytes(Kind::Factored) < bytes);
@@ -261,8 +269,8 @@ fn files_that_lie_are_refused_with_a_sentence() {
     let mut good = Vec::new();
     std::fs::File::open(pair.path()).unwrap().read_to_end(&mut good).unwrap();
     // Numbers start after the header, 128 bytes for these short shapes.
-    let [ranks, left, right] = ["ranks", "left", "right"]
-        .map(|name| start_of(pair.path(), &format!("transport/factored-{name}.npy")) + 128);
+    let [ranks, left, right] =
+        ["ranks", "left", "right"].map(|name| start_of(pair.path(), &format!("transport/factored-{name}.npy")) + 128);
     let bad = pair.folder.path().join("bad.rfield");
     let changed = |at: usize, bytes: &[u8]| {
         let mut file = good.clone();

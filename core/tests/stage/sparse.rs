@@ -112,12 +112,12 @@ fn total(lost: &[f64; 3]) -> f64 {
 
 /// Terms of every pixel.
 fn counts(sparse: &Sparse) -> Vec<usize> {
-    let (mut locations, mut coefficients) = (Vec::new(), Vec::new());
+    let mut locations = Vec::new();
     let mut count = |pixel: usize| {
         let (x, y) = (pixel % SIZE.0, pixel / SIZE.0);
         let mut buffer = TermBuffer::default();
         let terms = sparse.block(x / 16, y / 8, &mut buffer).unwrap();
-        terms.of_pixel(y % 8 * 16 + x % 16, &mut locations, &mut coefficients);
+        let coefficients = terms.of_pixel(y % 8 * 16 + x % 16, &mut locations);
         assert_eq!(coefficients.len(), 3 * locations.len());
         assert!(locations.windows(2).all(|pair| pair[0] < pair[1]), "locations ascend");
         locations.len()

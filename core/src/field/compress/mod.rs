@@ -13,7 +13,7 @@
 //! | `harmonics` | spherical harmonics |
 //! | `factored` | tiles of low rank |
 //! | `selection` | the largest terms of a pixel, by count and by error |
-//! | `wavelet` | for each pixel its own set of wavelet coefficients |
+//! | `wavelet`, `wavelet_arrays` | for each pixel its own set of wavelet coefficients |
 
 mod errors;
 mod factored;
@@ -22,6 +22,7 @@ mod selection;
 mod spool;
 mod survey;
 mod wavelet;
+mod wavelet_arrays;
 
 use std::path::Path;
 
@@ -49,7 +50,7 @@ pub enum Scheme {
     /// Tiles of low rank.
     Factored {
         /// The relative error over the whole field, Frobenius, from 0.001 to 1: at most so much. Less where glints have most of
-        /// the energy, so that pictures under even light are off by at most twice as much, in practice far less.
+        /// the energy, so that pictures under even light are off by at most 1.4 times as much, in practice far less.
         error: f64,
     },
     /// For each pixel its own set of wavelet coefficients, by `error`, by `terms`, or by the first of them that is met.
@@ -60,7 +61,7 @@ pub enum Scheme {
         grid: (usize, usize),
         /// How functions are rebuilt on the grid: [`Method::BSpline`].
         reconstruction: Method,
-        /// The largest relative error of a reflectance function, all channels together, above 0 and below 1.
+        /// The largest relative error of a reflectance function, all channels together, from 0.001 to 1.
         error: Option<f64>,
         /// The most coefficients of a pixel.
         terms: Option<usize>,

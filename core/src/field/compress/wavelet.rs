@@ -10,27 +10,21 @@ use std::path::Path;
 use half::f16;
 use rayon::prelude::*;
 
-use super::errors::{BlockErrors, ErrorMap};
+use super::errors::BlockErrors;
 use super::selection::Selection;
-use super::spool::Spool;
 use super::survey::survey;
-use super::{Finished, Made, Progress, Stage};
+use super::wavelet_arrays::{Arrays, CodedBlock, Term};
+use super::{Made, Progress, Stage};
 use crate::domain::StageGrid;
 use crate::error::{Error, Result};
 use crate::field::asset::Asset;
-use crate::field::dense::{BLOCK_PIXELS, CHANNELS, Layout};
-use crate::field::manifest::{Kind, Precision, Representation};
-use crate::field::npy;
-use crate::field::sparse::{location_bytes, transform, unsigned};
-use crate::field::writer::{Entries, power_of_two_for};
+use crate::field::dense::{BLOCK_PIXELS, CHANNELS};
+use crate::field::sparse::transform;
+use crate::field::writer::power_of_two_for;
 use crate::field::{BlockBuffer, Samples};
 use crate::reconstruct::{Method, Reconstruction, Resampling};
 use crate::wavelet::{Transform, Wavelet};
 
-const OFFSETS: &str = "transport/wavelet-offsets.npy";
-const LOCATIONS: &str = "transport/wavelet-locations.npy";
-const COEFFICIENTS: &str = "transport/wavelet-coefficients.npy";
-const ERRORS: &str = "transport/wavelet-error.npy";
 /// Pixels that are transformed together: their functions of one channel are as wide as a cache line.
 const GROUP: usize = 16;
 /// Blocks in flight for each thread: their terms wait in memory for their turn.
@@ -44,6 +38,8 @@ const CLOSE_ENOUGH: f64 = 0.95;
 const AIM: f64 = 0.97;
 /// A budget grows by no more than this at a time.
 const MOST_GROWTH: f64 = 4.0;
+/// The smallest error that can be asked for: rounding to halves alone, to 11 bits, is some 3e-4.
+const LEAST_ERROR: f64 = 1e-3;
 /// Choices after which a set that will do is left as it is.
 const TRIES: usize = 3;
 /// Choices after which the best that halves allow is taken as it is.
@@ -61,8 +57,9 @@ pub struct Wanted {
 
 impl Wanted {
     fn check(&self) -> Result<()> {
-        if let Some(error) = self.error.filter(|error| !(*error > 0.0 && *error < 1.0)) {
-            let expected = "a relative error above 0 and below 1, such as 0.01";
+        if let Some(error) = self.error.filter(|error| !(LEAST_ERROR..1.0).contains(error)) {
+            let expected =
+                format!("{LEAST_ERROR} to 1, such as 0.01: halves keep no less, and an error of 1 keeps nothing");
             return Err(Error::invalid("the error of wavelets", error.to_string(), expected));
         }
         match (self.error, self.terms) {
@@ -92,7 +89,7 @@ pub fn compress(
     let largest = survey(samples, progress)?.largest;
     coder.scale = power_of_two_for(largest * OVERSHOOT * (coder.transform.tree().levels() as f32).exp2());
     let layout = samples.layout();
-    let mut coded = Coded::new(layout, wanted, coder.scale, output)?;
+    let mut coded = Arrays::new(layout, wanted, coder.scale, output)?;
     let together = BLOCKS_A_THREAD * rayon::current_num_threads();
     for by in 0..layout.rows() {
         for first in (0..layout.columns()).step_by(together) {
@@ -128,15 +125,8 @@ struct Coder {
 /// A pixel's terms and what they lack, in the numbers of the samples.
 #[derive(Debug, Clone, Default)]
 struct Coding {
-    terms: Vec<(u32, [f16; CHANNELS])>,
+    terms: Vec<Term>,
     lost: [f64; CHANNELS],
-}
-
-/// A block: terms pixel after pixel, and errors in units of T.
-struct CodedBlock {
-    counts: [u32; BLOCK_PIXELS],
-    terms: Vec<(u32, [f16; CHANNELS])>,
-    errors: BlockErrors,
 }
 
 /// Memory to work in. Functions lie `[texel][pixel of the group]`, one array a channel.
@@ -342,80 +332,4 @@ fn squared_distances(functions: &[f32], others: Option<&[f32]>) -> [f64; GROUP] 
         sums.iter_mut().zip(squares).for_each(|(sum, square)| *sum += f64::from(square));
     }
     sums
-}
-
-/// Arrays that wait.
-struct Coded {
-    wanted: Wanted,
-    scale: f32,
-    /// The first term of each pixel.
-    offsets: Vec<u64>,
-    terms: u64,
-    locations: Spool,
-    coefficients: Spool,
-    errors: ErrorMap,
-}
-
-impl Coded {
-    fn new(layout: Layout, wanted: &Wanted, scale: f32, output: &Path) -> Result<Self> {
-        Ok(Self {
-            wanted: *wanted,
-            scale,
-            offsets: Vec::with_capacity(layout.rows() * layout.columns() * BLOCK_PIXELS + 1),
-            terms: 0,
-            locations: Spool::beside(output)?,
-            coefficients: Spool::beside(output)?,
-            errors: ErrorMap::new(layout.width, layout.height),
-        })
-    }
-
-    /// Appends the next block.
-    fn push(&mut self, bx: usize, by: usize, block: &CodedBlock) -> Result<()> {
-        for count in block.counts {
-            self.offsets.push(self.terms);
-            self.terms += u64::from(count);
-        }
-        let bytes = location_bytes(self.wanted.grid.0 * self.wanted.grid.1);
-        let locations = block.terms.iter().flat_map(|(location, _)| location.to_le_bytes().into_iter().take(bytes));
-        self.locations.push(&locations.collect::<Vec<u8>>())?;
-        let halves: Vec<f16> = block.terms.iter().flat_map(|(_, rgb)| *rgb).collect();
-        if halves.iter().any(|half| !half.is_finite()) {
-            return Err(Error::invalid(
-                "wavelets",
-                "a coefficient beyond half precision",
-                "transport within its range",
-            ));
-        }
-        self.coefficients.halves(&halves)?;
-        self.errors.add(bx, by, &block.errors);
-        Ok(())
-    }
-}
-
-impl Finished for Coded {
-    fn kind(&self) -> Kind {
-        Kind::Wavelet
-    }
-
-    fn write(mut self: Box<Self>, out: &mut Entries<'_>) -> Result<Representation> {
-        let Wanted { wavelet, grid, reconstruction, error, terms } = self.wanted;
-        self.offsets.push(self.terms);
-        let mut bytes = npy::header(unsigned(8), &[self.offsets.len()]);
-        bytes.extend(self.offsets.iter().flat_map(|offset| offset.to_le_bytes()));
-        out.entry(OFFSETS, &bytes)?;
-        let count = self.terms as usize;
-        self.locations.write(out, LOCATIONS, unsigned(location_bytes(grid.0 * grid.1)), &[count])?;
-        self.coefficients.write(out, COEFFICIENTS, Precision::Half.descr(), &[count, CHANNELS])?;
-        Ok(Representation::Wavelet {
-            wavelet: wavelet.id().to_owned(),
-            grid: [grid.0, grid.1],
-            reconstruction: reconstruction.id().to_owned(),
-            offsets: OFFSETS.to_owned(),
-            locations: LOCATIONS.to_owned(),
-            coefficients: COEFFICIENTS.to_owned(),
-            scale: self.scale,
-            most_terms: terms,
-            loss: self.errors.write(out, ERRORS, error)?,
-        })
-    }
 }
