@@ -85,7 +85,9 @@ impl Chart {
 
 /// Where lines leave room on these axes: below those that fall to the left, below those that rise to the right.
 fn legend(shown: &[Vec<(f64, f64)>]) -> SeriesLabelPosition {
-    let rises = |points: &Vec<(f64, f64)>| points.first().zip(points.last()).is_some_and(|(a, b)| b.1 > a.1);
+    let rises = |points: &Vec<(f64, f64)>| {
+        points.first().zip(points.last()).is_some_and(|(a, b)| (b.1 - a.1) * (b.0 - a.0) > 0.0)
+    };
     if shown.iter().any(rises) { SeriesLabelPosition::LowerRight } else { SeriesLabelPosition::LowerLeft }
 }
 

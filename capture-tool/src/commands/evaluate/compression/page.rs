@@ -230,7 +230,7 @@ fn over_time(report: &Report, figures: &Figures) -> Markup {
             "right, from behind over the left, the front and the right to behind again; each row is one pixel "
             "(figure 5.8). Where a wavelet leaves steps, they show as vertical bars that switch on and off, as "
             "Haar's do on what is diffuse; what is smooth in the uncompressed picture should stay smooth. The 5/3 "
-            "and the 9/7 leave faint ripples instead, about glints that outshine the rest of a function. All have "
+            "and the 9/7 leave ripples instead, about glints that outshine the rest of a function. All have "
             "the same exposure."
         }
         div.row { (figures.rebuilt.show("wide", html! { "As rebuilt, uncompressed" })) }

@@ -150,7 +150,7 @@ impl OfWavelet {
 pub fn percent(share: f64) -> String {
     let percent = 100.0 * share;
     match percent {
-        p if p == 0.0 => "0".to_owned(),
+        0.0 => "0".to_owned(),
         p if p >= 99.95 => format!("{p:.0}"),
         p if p >= 9.995 => format!("{p:.1}"),
         p if p >= 0.9995 => format!("{p:.2}"),
