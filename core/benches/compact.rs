@@ -9,7 +9,7 @@
 //! - how many times faster it relights. The two take turns; medians, and the fastest of each, which other work on the machine
 //!   disturbs least.
 //!
-//! `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of `case/representation`, such
+//! `RELUME_BENCH_WIDTH=N` makes the still life N columns wide. `RELUME_BENCH_PICTURES=DIR` keeps the pictures and 20 times their differences. Arguments: a part of `case/representation`, such
 //! as `painting` or `stage-1280/factored`, runs what it is a part of.
 
 #![allow(clippy::print_stdout, missing_docs)]
@@ -34,6 +34,12 @@ use relume_core::wavelet::Wavelet;
 const RUNS: usize = 41;
 /// Columns of the virtual pictures: 377 MB of samples, far beyond any cache.
 const WIDTH: usize = 256;
+
+/// [`WIDTH`], or what `RELUME_BENCH_WIDTH` says.
+fn width() -> usize {
+    std::env::var("RELUME_BENCH_WIDTH").ok().and_then(|text| text.parse().ok()).unwrap_or(WIDTH)
+}
+
 const MAPS: [&str; 4] = ["apartment", "city", "night", "park"];
 
 /// A way to store the field.
@@ -110,7 +116,7 @@ fn run(wants: &dyn Fn(&str, &Candidate) -> bool, data: &Path, folder: &Path) -> 
 
 /// Mirror, glass, gold, glossy and diffuse things on a table, under 64 x 20 lamps.
 fn stage(path: &Path) -> Result<()> {
-    let (scene, camera) = (Scene::demo(), Camera::demo(WIDTH, WIDTH * 3 / 4));
+    let (scene, camera) = (Scene::demo(), Camera::demo(width(), width() * 3 / 4));
     let domain = Directions::new(grid_lamps(64, 20))?;
     let stage = Stage::new(&scene, camera, &domain, Quality::default());
     let contents = Contents {

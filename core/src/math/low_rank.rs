@@ -5,7 +5,7 @@
 //! column i of L is as long as singular value i. Leaving out the later ones leaves `||M - L R||^2 = sum over i >= r of
 //! sigma_i^2` (Frobenius), and no matrix of rank r comes nearer (Eckart and Young 1936).
 //!
-//! **Few rows or columns** ([`EXACT_SIDE`]): the eigenvectors of the smaller of `M^T M` and `M M^T`, in f64.
+//! **Few rows or columns** (a side of up to 256): the eigenvectors of the smaller of `M^T M` and `M M^T`, in f64.
 //!
 //! **Both many**: a randomised search for the right factor, block by block (Halko, Martinsson and Tropp 2011, algorithm 4.4;
 //! Yu, Gu and Li 2018, randQB, algorithm 1, with its explicit deflation). `D` is what is left of M, at first all of it:

@@ -3,7 +3,7 @@
 use super::Weights;
 use super::factored::apply_factored;
 use super::kernels::{self, Isa, Sums, TOGETHER};
-use super::strips::{by_rows, check, rows_of};
+use super::strips::{Target, by_rows, check, rows_of};
 use crate::error::Result;
 use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout, Samples};
 use crate::image::{Image, Window};
@@ -17,21 +17,29 @@ use crate::image::{Image, Window};
 /// # Errors
 /// Weights that do not fit the field, a window outside the picture, bytes that cannot be read, NaN in the field.
 pub fn apply(samples: Samples<'_>, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
-    match samples {
-        Samples::Dense(dense) => apply_dense(dense, weights, window),
-        Samples::Factored(factored) => apply_factored(factored, weights, window),
-    }
+    apply_samples(samples, weights, Target::plain(window))
 }
 
-/// [`apply`] for coefficient pictures of any projection.
+/// [`apply`] into what a picture is made of.
 ///
 /// # Errors
 /// As [`apply`].
-pub(super) fn apply_dense(dense: &Dense, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
-    check(dense.layout(), weights, window)?;
+pub(super) fn apply_samples(samples: Samples<'_>, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
+    match samples {
+        Samples::Dense(dense) => apply_dense(dense, weights, target),
+        Samples::Factored(factored) => apply_factored(factored, weights, target),
+    }
+}
+
+/// [`apply_samples`] for coefficient pictures of any projection.
+///
+/// # Errors
+/// As [`apply`].
+pub(super) fn apply_dense(dense: &Dense, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
+    check(dense.layout(), weights, target.window)?;
     let lights = weights.len();
     let weights = std::array::from_fn(|c| weights.iter().map(|w| w.channel(c, dense.scale())).collect());
-    stream(&Whole { dense, weights }, lights, window)
+    stream(&Whole { dense, weights }, lights, target)
 }
 
 /// Where blocks come from, and what their numbers are multiplied by.
@@ -84,15 +92,16 @@ impl Source for Whole<'_> {
 ///
 /// # Errors
 /// Bytes that cannot be read, NaN in the field.
-pub(super) fn stream(source: &impl Source, lights: usize, window: Window) -> Result<Vec<Image>> {
-    let stream = Stream { source, window, isa: Isa::detect() };
-    by_rows(source.layout(), source.path(), lights, window, |by, strips| stream.row(by, strips))
+pub(super) fn stream(source: &impl Source, lights: usize, target: Target<'_>) -> Result<Vec<Image>> {
+    let stream = Stream { source, window: target.window, channels: target.channels, isa: Isa::detect() };
+    by_rows(source.layout(), source.path(), lights, target, |by, strips| stream.row(by, strips))
 }
 
 /// One pass over a field.
 struct Stream<'a, S> {
     source: &'a S,
     window: Window,
+    channels: usize,
     isa: Isa,
 }
 
@@ -105,6 +114,10 @@ impl<S: Source> Stream<'_, S> {
             for c in 0..3 {
                 let block = self.source.block(bx, by, c, &mut buffer)?;
                 let factors = self.source.factors(bx, by, c)?;
+                // A black tile: pictures come black.
+                if factors.iter().all(Vec::is_empty) {
+                    continue;
+                }
                 if let [weights] = factors {
                     self.scatter(&kernels::block_sums(self.isa, block, weights), bx, by, c, strips[0]);
                     continue;
@@ -145,10 +158,11 @@ impl<S: Source> Stream<'_, S> {
         let rows = rows_of(by, self.window);
         let columns = (bx * BLOCK_WIDTH).max(self.window.x0)..((bx + 1) * BLOCK_WIDTH).min(self.window.x1);
         for y in rows.clone() {
-            let line = &mut strip[(y - rows.start) * self.window.width() * 3..][..self.window.width() * 3];
-            for x in columns.clone() {
-                line[(x - self.window.x0) * 3 + c] = sums[(y % BLOCK_HEIGHT) * BLOCK_WIDTH + x % BLOCK_WIDTH];
-            }
+            let across = self.window.width() * self.channels;
+            let line = &mut strip[(y - rows.start) * across..][..across];
+            let pixels = line[(columns.start - self.window.x0) * self.channels..].chunks_exact_mut(self.channels);
+            let row = &sums[y % BLOCK_HEIGHT * BLOCK_WIDTH..][..BLOCK_WIDTH];
+            pixels.zip(&row[columns.start % BLOCK_WIDTH..][..columns.len()]).for_each(|(pixel, sum)| pixel[c] = *sum);
         }
     }
 }

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use super::Weights;
 use super::apply::{Source, stream};
 use super::kernels::{self, Isa};
-use super::strips::check;
+use super::strips::{Target, check};
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, BlockBuffer, Factored, Layout};
 use crate::image::{Image, Window};
@@ -19,9 +19,9 @@ use crate::image::{Image, Window};
 ///
 /// # Errors
 /// As [`apply`](super::apply).
-pub(super) fn apply_factored(factored: &Factored, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
-    check(factored.layout(), weights, window)?;
-    stream(&Projected::new(factored, weights, window), weights.len(), window)
+pub(super) fn apply_factored(factored: &Factored, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
+    check(factored.layout(), weights, target.window)?;
+    stream(&Projected::new(factored, weights, target.window), weights.len(), target)
 }
 
 /// For each channel and light, `u` of one tile.

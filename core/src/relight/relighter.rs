@@ -2,15 +2,15 @@
 
 use std::sync::OnceLock;
 
-use rayon::prelude::*;
-
 use super::apply::apply_dense;
 use super::choice::{absent, choose};
+use super::factored::apply_factored;
 use super::projections::Projections;
 use super::sparse::apply_sparse;
-use super::{Look, Weights, apply, prepared};
+use super::strips::Target;
+use super::{Look, Weights, prepared};
 use crate::error::{Error, Result};
-use crate::field::{Asset, Kind, Samples};
+use crate::field::{Asset, Kind};
 use crate::illumination::{Beam, EnvMap};
 use crate::image::{ColourSpace, Conversion, Image, Window};
 use crate::reconstruct::{Method, Outside};
@@ -160,7 +160,7 @@ impl Relighter {
     /// has the window's size.
     ///
     /// # Errors
-    /// As [`apply`].
+    /// As [`apply`](super::apply).
     pub fn render(&self, weights: &Weights, look: &Look, window: Window) -> Result<Image> {
         let mut pictures = self.render_many(&[(weights, look)], window)?;
         pictures.pop().ok_or_else(|| Error::invalid("illumination", "none", "one"))
@@ -169,7 +169,7 @@ impl Relighter {
     /// [`Relighter::render`] for several lights in one pass over the field.
     ///
     /// # Errors
-    /// As [`apply`].
+    /// As [`apply`](super::apply).
     pub fn render_many(&self, lights: &[(&Weights, &Look)], window: Window) -> Result<Vec<Image>> {
         let mut pictures: Vec<Option<Image>> = vec![None; lights.len()];
         for kind in Kind::ALL {
@@ -178,54 +178,54 @@ impl Relighter {
                 continue;
             }
             let weights: Vec<&Weights> = of_kind.iter().map(|&n| lights[n].0).collect();
-            for (n, lit) in of_kind.into_iter().zip(self.lit(kind, &weights, window)?) {
-                pictures[n] = Some(self.finish(&lit, lights[n].1, window));
+            let finish = |n: usize, y: usize, line: &mut [f32]| self.finish(line, (window.x0, y), lights[of_kind[n]].1);
+            let target = Target { window, channels: 4, finish: &finish };
+            for (n, picture) in of_kind.iter().zip(self.lit(kind, &weights, target)?) {
+                pictures[*n] = Some(picture);
             }
         }
         Ok(pictures.into_iter().flatten().collect())
     }
 
     /// `T L` by one representation.
-    fn lit(&self, kind: Kind, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
+    fn lit(&self, kind: Kind, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
         match kind {
-            Kind::Dense => apply(self.asset.samples()?, weights, window),
+            Kind::Dense => {
+                let dense = self.asset.dense().ok_or_else(|| absent(&self.asset, kind))?;
+                apply_dense(dense, weights, target)
+            }
             Kind::Harmonics => {
                 let harmonics = self.asset.harmonics().ok_or_else(|| absent(&self.asset, kind))?;
-                apply_dense(harmonics.pictures(), weights, window)
+                apply_dense(harmonics.pictures(), weights, target)
             }
             Kind::Factored => {
                 let factored = self.asset.factored().ok_or_else(|| absent(&self.asset, kind))?;
-                apply(Samples::Factored(factored), weights, window)
+                apply_factored(factored, weights, target)
             }
             Kind::Wavelet => {
                 let sparse = self.asset.sparse().ok_or_else(|| absent(&self.asset, kind))?;
-                apply_sparse(sparse, weights, window)
+                apply_sparse(sparse, weights, target)
             }
         }
     }
 
-    /// Adds `g S` and alpha, in the colours asked for.
-    fn finish(&self, lit: &Image, look: &Look, window: Window) -> Image {
-        let mut element = Image::new(window.width(), window.height(), 4);
+    /// Adds `g S` and alpha to a row of RGBA from `(x, y)` on, and turns it to the colours asked for.
+    fn finish(&self, line: &mut [f32], (x, y): (usize, usize), look: &Look) {
         let colours = Conversion::between(self.asset.colour_space(), look.output_space);
-        let ambient = self.asset.ambient().filter(|_| look.ambient != 0.0);
-        let row = |(y, (out, lit)): (usize, (&mut [f32], &[f32]))| {
-            let first = (window.y0 + y) * self.asset.width() + window.x0;
-            for (x, (out, lit)) in out.chunks_exact_mut(4).zip(lit.chunks_exact(3)).enumerate() {
-                let mut rgb = [lit[0], lit[1], lit[2]];
-                if let Some(ambient) = ambient {
-                    let s = &ambient.data()[3 * (first + x)..][..3];
-                    (0..3).for_each(|c| rgb[c] += look.ambient as f32 * s[c]);
-                }
-                out[..3].copy_from_slice(&colours.apply(rgb));
-                out[3] = self.asset.alpha().map_or(1.0, |alpha| alpha[first + x]);
+        let first = y * self.asset.width() + x;
+        let pixels = line.as_chunks_mut::<4>().0;
+        if let Some(ambient) = self.asset.ambient().filter(|_| look.ambient != 0.0) {
+            for (pixel, s) in pixels.iter_mut().zip(ambient.data()[3 * first..].as_chunks::<3>().0) {
+                (0..3).for_each(|c| pixel[c] += look.ambient as f32 * s[c]);
             }
-        };
-        let across = window.width().max(1);
-        let rows = element.data_mut().par_chunks_exact_mut(4 * across).zip(lit.data().par_chunks_exact(3 * across));
-        // Threads are not woken for less than they cost.
-        rows.enumerate().with_min_len((1 << 15) / across).for_each(row);
-        element
+        }
+        if !colours.is_identity() {
+            pixels.iter_mut().for_each(|[r, g, b, _]| [*r, *g, *b] = colours.apply([*r, *g, *b]));
+        }
+        match self.asset.alpha() {
+            Some(alpha) => pixels.iter_mut().zip(&alpha[first..]).for_each(|(pixel, alpha)| pixel[3] = *alpha),
+            None => pixels.iter_mut().for_each(|pixel| pixel[3] = 1.0),
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Weights;
 use super::kernels::{self, Isa};
-use super::strips::{by_rows, check, rows_of};
+use super::strips::{Target, by_rows, check, rows_of};
 use crate::error::Result;
 use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, Sparse, TermBuffer};
 use crate::image::{Image, Window};
@@ -21,13 +21,15 @@ const APART: usize = 4;
 ///
 /// # Errors
 /// Weights that do not fit the field, a window outside the picture, bytes that cannot be read or are damaged.
-pub(super) fn apply_sparse(sparse: &Sparse, weights: &[&Weights], window: Window) -> Result<Vec<Image>> {
+pub(super) fn apply_sparse(sparse: &Sparse, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
     let layout = sparse.layout();
-    check(layout, weights, window)?;
+    check(layout, weights, target.window)?;
     let scale = sparse.scale();
     let table = |w: &&Weights| w.factors().iter().map(|&[r, g, b]| [r * scale, g * scale, b * scale, 0.0]).collect();
-    let gather = Gather { sparse, tables: weights.iter().map(table).collect(), window, isa: Isa::detect() };
-    by_rows(layout, sparse.path(), weights.len(), window, |by, strips| gather.row(by, strips))
+    let Target { window, channels, .. } = target;
+    let tables = weights.iter().map(table).collect();
+    let gather = Gather { sparse, tables, window, channels, isa: Isa::detect() };
+    by_rows(layout, sparse.path(), weights.len(), target, |by, strips| gather.row(by, strips))
 }
 
 /// One pass over a field.
@@ -35,6 +37,7 @@ struct Gather<'a> {
     sparse: &'a Sparse,
     tables: Vec<Table>,
     window: Window,
+    channels: usize,
     isa: Isa,
 }
 
@@ -57,7 +60,7 @@ impl Gather<'_> {
                     continue;
                 }
                 kernels::expand(self.isa, Block::Half(halves), &mut coefficients);
-                let at = ((y - rows.start) * self.window.width() + x - self.window.x0) * 3;
+                let at = ((y - rows.start) * self.window.width() + x - self.window.x0) * self.channels;
                 for (strip, table) in strips.iter_mut().zip(&self.tables) {
                     strip[at..at + 3].copy_from_slice(&sum(&locations, &coefficients, table));
                 }

@@ -31,8 +31,28 @@ pub(super) fn check(layout: Layout, weights: &[&Weights], window: Window) -> Res
     Ok(())
 }
 
-/// `count` pictures of a window, which was [checked](check) (RGB): `row` fills what they have of one row of blocks, one strip a picture, from the top
-/// left of the window's part. Rows are spread over the current rayon threads; the result does not depend on their number.
+/// What pictures are made of.
+#[derive(Clone, Copy)]
+pub(super) struct Target<'a> {
+    /// The part of the picture.
+    pub window: Window,
+    /// 3, or 4 where `finish` adds alpha.
+    pub channels: usize,
+    /// Called once with the number of a picture, a row of the whole picture and that row's numbers inside the window, once its red, green and
+    /// blue are there: while they are in cache.
+    pub finish: &'a (dyn Fn(usize, usize, &mut [f32]) + Sync),
+}
+
+impl Target<'static> {
+    /// RGB as it comes.
+    pub fn plain(window: Window) -> Self {
+        Self { window, channels: 3, finish: &|_, _, _| {} }
+    }
+}
+
+/// `count` pictures of a window, which was [checked](check): `row` fills what they have of one row of blocks, one strip a
+/// picture, from the top left of the window's part. Rows are spread over the current rayon threads; the result does not
+/// depend on their number.
 ///
 /// # Errors
 /// What `row` returns, numbers that are not finite.
@@ -40,34 +60,47 @@ pub(super) fn by_rows(
     layout: Layout,
     path: &Path,
     count: usize,
-    window: Window,
+    target: Target<'_>,
     row: impl Fn(usize, &mut [&mut [f32]]) -> Result<()> + Sync,
 ) -> Result<Vec<Image>> {
-    let mut pictures: Vec<Image> = (0..count).map(|_| Image::new(window.width(), window.height(), 3)).collect();
+    let Target { window, channels, finish } = target;
+    let mut pictures: Vec<Image> = (0..count).map(|_| Image::new(window.width(), window.height(), channels)).collect();
     if window.is_empty() || count == 0 {
         return Ok(pictures);
     }
     // Each row of blocks owns its rows of every picture.
     let (_, rows) = layout.blocks(window);
+    let across = window.width() * channels;
     let mut strips: Vec<(usize, Vec<&mut [f32]>)> = rows.map(|by| (by, Vec::new())).collect();
     for picture in &mut pictures {
         let mut rest = picture.data_mut();
         for (by, strip) in &mut strips {
-            let (own, after) = rest.split_at_mut(rows_of(*by, window).len() * window.width() * 3);
+            let (own, after) = rest.split_at_mut(rows_of(*by, window).len() * across);
             strip.push(own);
             rest = after;
         }
     }
-    strips.into_par_iter().try_for_each(|(by, mut strip)| row(by, &mut strip))?;
-    // One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
-    if let Some(bad) = pictures.iter().find_map(|p| p.data().iter().position(|v| !v.is_finite()).map(|at| at / 3)) {
-        let (x, y) = (window.x0 + bad % window.width(), window.y0 + bad / window.width());
-        let place = format!("{}, pixel ({x}, {y})", path.display());
-        return Err(Error::invalid(
-            place,
-            "a number that is not finite",
-            "finite transport (`relume verify` tells whether the file was damaged)",
-        ));
-    }
+    strips.into_par_iter().try_for_each(|(by, mut strips)| {
+        row(by, &mut strips)?;
+        for (n, strip) in strips.iter_mut().enumerate() {
+            for (y, line) in rows_of(by, window).zip(strip.chunks_exact_mut(across)) {
+                check_finite(line, channels, (window.x0, y), path)?;
+                finish(n, y, line);
+            }
+        }
+        Ok(())
+    })?;
     Ok(pictures)
+}
+
+/// One look at the result finds NaN in the field wherever it sits: NaN times anything is NaN.
+fn check_finite(line: &[f32], channels: usize, (x0, y): (usize, usize), path: &Path) -> Result<()> {
+    // All of them, without a way out in between: that vectorises.
+    if line.iter().fold(true, |finite, v| finite & v.is_finite()) {
+        return Ok(());
+    }
+    let x = x0 + line.iter().position(|v| !v.is_finite()).unwrap_or(0) / channels;
+    let place = format!("{}, pixel ({x}, {y})", path.display());
+    let expected = "finite transport (`relume verify` tells whether the file was damaged)";
+    Err(Error::invalid(place, "a number that is not finite", expected))
 }
