@@ -30,7 +30,13 @@ fn a_factored_field_is_small_and_is_what_lights() {
     let both = set.out().join("both.rfield");
     let line =
         succeed(tool(&["compress", "--factored", "--error", "0.01", "--keep", "dense", "-o"]).arg(&both).arg(&field));
-    assert!(line.contains("factored") && line.contains("of half samples") && line.contains("1.000 % asked"), "{line}");
+    assert!(
+        line.contains("factored    tiles of")
+            && line.contains("of ranks")
+            && line.contains("of half samples")
+            && line.contains("1.000 % asked"),
+        "{line}"
+    );
     let told = info(&both);
     let of = |kind: &str| {
         let held = told["representations"].as_array().unwrap().iter().find(|held| held["kind"] == kind);

@@ -217,9 +217,16 @@ impl Held {
         let words = match representation {
             Representation::Dense { precision, .. } => precision_word(*precision).to_owned(),
             Representation::Harmonics { functions, .. } => format!("{functions} spherical harmonics"),
-            Representation::Factored { tile: [w, h], .. } => format!("tiles of {w} x {h}"),
+            Representation::Factored { tile: [w, h], .. } => {
+                let ranks = asset.factored().map(|factored| factored.ranks()).unwrap_or_default();
+                let (least, most) = (ranks.iter().min().unwrap_or(&0), ranks.iter().max().unwrap_or(&0));
+                let mean = ranks.iter().map(|&rank| f64::from(rank)).sum::<f64>() / ranks.len().max(1) as f64;
+                format!("tiles of {w} x {h} of ranks {least} to {most}, {mean:.1} on average")
+            }
             Representation::Wavelet { wavelet, grid: [w, h], reconstruction, .. } => {
-                format!("{wavelet} on {w} x {h}, rebuilt by {reconstruction}")
+                let terms = asset.sparse().map_or(0, |sparse| sparse.terms()) as f64;
+                let each = terms / (asset.width() * asset.height()) as f64;
+                format!("{wavelet} on {w} x {h}, rebuilt by {reconstruction}, {each:.1} terms a pixel")
             }
         };
         Self {
