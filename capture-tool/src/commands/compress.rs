@@ -21,7 +21,7 @@ Examples:
   relume compress vase.rfield -o wave.rfield --wavelet 5/3 --grid 128x32 --error 0.02 --keep all
   relume compress vase.rfield -o soft.rfield --harmonic 25
 
-Factored is for all light: lamps, maps and any reconstruction work as with the samples, several times faster. Wavelets have
+Factored is for all light: lamps, maps and any reconstruction work as with the samples, faster the more lamps there are. Wavelets have
 functions rebuilt on a fine grid, once, by --reconstruct. Harmonics are smooth: for soft light alone.
 
 What is lost is measured as it is stored, for each pixel, and told by `relume info`. An asset with several representations is lit by
@@ -41,7 +41,7 @@ pub struct Arguments {
     /// The .rfield file to write; may be the same.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// Tiles of low rank: the samples, several times smaller and faster to light.
+    /// Tiles of low rank: the samples, smaller and faster to light.
     #[arg(long, group = "scheme")]
     factored: bool,
     /// For each pixel a set of wavelet coefficients: haar, 5/3 or 9/7.
@@ -135,6 +135,7 @@ impl Plan {
         compress(&asset, &self.output, &self.scheme, &self.keep, &mut |stage, done, all| {
             let words = match stage {
                 Stage::Measuring => "measuring",
+                Stage::Choosing => "choosing tiles",
                 Stage::Compressing => "compressing",
                 Stage::Writing => "copying the rest",
             };

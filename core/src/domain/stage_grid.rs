@@ -7,6 +7,7 @@ use super::grid::TOLERANCE_RAD;
 use super::{Axis, Coverage, Directions};
 use crate::error::{Error, Result};
 use crate::math::Vec3;
+use crate::wavelet::{Edge, Normalisation, Transform, Wavelet};
 
 /// Fewer columns have no longitudes to speak of, and halve too few times.
 const FEWEST_COLUMNS: usize = 8;
@@ -50,6 +51,15 @@ impl StageGrid {
             return Err(Error::invalid("grid", format!("{columns} x {rows}"), expected));
         }
         Ok(Self { columns, rows, axis: over.axis(), coverage: over.coverage(), directions: OnceLock::new() })
+    }
+
+    /// The transform of functions on the grid: cyclic in longitude, mirrored at both ends of the other axis, in the
+    /// constant-energy normalisation.
+    ///
+    /// # Errors
+    /// A wavelet that cannot be mirrored.
+    pub fn transform(&self, wavelet: Wavelet) -> Result<Transform> {
+        Transform::new(wavelet, self.size(), (Edge::Cyclic, Edge::Mirrored), Normalisation::Energy)
     }
 
     /// Columns and rows.

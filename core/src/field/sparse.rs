@@ -20,15 +20,7 @@ use super::manifest::Representation;
 use super::store::{Scratch, Store};
 use crate::domain::{Directions, StageGrid};
 use crate::error::{Error, Result};
-use crate::wavelet::{Edge, Normalisation, Transform, Wavelet};
-
-/// The transform of functions on the grid: cyclic in longitude, mirrored at both ends of the other axis, constant energy.
-///
-/// # Errors
-/// A wavelet that cannot be mirrored.
-pub(super) fn transform(wavelet: Wavelet, grid: (usize, usize)) -> Result<Transform> {
-    Transform::new(wavelet, grid, (Edge::Cyclic, Edge::Mirrored), Normalisation::Energy)
-}
+use crate::wavelet::Transform;
 
 /// Bytes of a location: the fewest that do.
 pub(super) fn location_bytes(texels: usize) -> usize {
@@ -122,7 +114,7 @@ impl Sparse {
         };
         let named = |error: Error| Error::invalid(open.place, error.to_string(), "a usable wavelet representation");
         let grid = StageGrid::new(domain, (grid[0], grid[1])).map_err(named)?;
-        let transform = transform(wavelet.parse().map_err(named)?, grid.size()).map_err(named)?;
+        let transform = grid.transform(wavelet.parse().map_err(named)?).map_err(named)?;
         let layout = Layout { width, height, elements: grid.texels() };
         let pixels = layout.rows() * layout.columns() * BLOCK_PIXELS;
         let range = open.array(offsets, unsigned(8), &[pixels + 1], 8)?;

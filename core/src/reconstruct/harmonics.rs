@@ -61,6 +61,8 @@ impl Basis for Harmonics {
 #[derive(Debug)]
 pub(super) struct LeastSquares {
     matrix: DMatrix<f64>,
+    /// Its transpose, for functions that lie in rows.
+    transposed: DMatrix<f32>,
 }
 
 impl LeastSquares {
@@ -92,7 +94,8 @@ impl LeastSquares {
         (1..bands * bands).for_each(|n| gram[(n, n)] += RIDGE);
         // The ridge makes the matrix positive definite: its first row alone has none, and is that of a positive sum.
         let matrix = Cholesky::new(gram).map_or_else(|| weighted.clone(), |cholesky| cholesky.solve(&weighted));
-        Self { matrix }
+        let transposed = matrix.transpose().map(|number| number as f32);
+        Self { matrix, transposed }
     }
 }
 
@@ -103,7 +106,7 @@ impl Fit for LeastSquares {
 
     fn coefficients_of_lanes(&self, samples: &[f32], lanes: usize) -> Vec<f32> {
         let samples = DMatrixView::from_slice(samples, lanes, self.matrix.ncols());
-        (samples * self.matrix.map(|number| number as f32).transpose()).data.into()
+        (samples * &self.transposed).data.into()
     }
 
     fn cost(&self) -> usize {

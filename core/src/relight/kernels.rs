@@ -102,21 +102,14 @@ pub fn block_sums_together(isa: Isa, floats: &[f32], weights: [&[f32]; TOGETHER]
 
 /// Expands a block to floats, for use under several sets of weights.
 pub fn expand(isa: Isa, block: Block<'_>, out: &mut Vec<f32>) {
-    use half::slice::HalfFloatSliceExt;
-    match block {
-        Block::Half(t) => {
+    match (isa.0, block) {
+        #[cfg(target_arch = "x86_64")]
+        (Kind::Avx512, Block::Half(t)) => {
             out.resize(t.len(), 0.0);
-            match isa.0 {
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: an `Isa` only comes from `available`; `out` is as long as `t`.
-                Kind::Avx512 => unsafe { avx512::expand(t, out) },
-                _ => t.convert_to_f32_slice(out),
-            }
+            // SAFETY: an `Isa` only comes from `available`; `out` is as long as `t`.
+            unsafe { avx512::expand(t, out) }
         }
-        Block::Float(t) => {
-            out.clear();
-            out.extend_from_slice(t);
-        }
+        _ => block.expand(out),
     }
 }
 

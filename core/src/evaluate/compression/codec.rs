@@ -4,7 +4,7 @@ use super::functions::CHANNELS;
 use super::norms::{relative, squares, subtract};
 use crate::domain::StageGrid;
 use crate::error::Result;
-use crate::wavelet::{Approximation, Edge, Normalisation, Transform, Tree, Wavelet};
+use crate::wavelet::{Approximation, Transform, Tree, Wavelet};
 
 /// Rounds of looking for the number of terms that reaches an error; each decodes once. Three do, as a rule.
 const ROUNDS: usize = 6;
@@ -45,7 +45,7 @@ impl Codec {
     /// # Errors
     /// A wavelet that is not symmetric.
     pub fn new(wavelet: Wavelet, grid: &StageGrid) -> Result<Self> {
-        let transform = Transform::new(wavelet, grid.size(), (Edge::Cyclic, Edge::Mirrored), Normalisation::Energy)?;
+        let transform = grid.transform(wavelet)?;
         Ok(Self { tree: transform.tree(), norms: transform.synthesis_norms(), transform })
     }
 

@@ -54,7 +54,7 @@ pub(super) fn compress(
 
 /// The fit and its inverse.
 struct Coder {
-    /// `F`, functions x lamps, as its columns lie: `[lamp][function]`.
+    /// `F` transposed, lamps x functions: pixels lie in rows.
     fit: DMatrix<f32>,
     /// `Y`, lamps x functions, transposed: functions x lamps.
     values: DMatrix<f32>,
@@ -77,7 +77,7 @@ impl Coder {
         let values = DMatrix::from_vec(functions, lamps, values(asset.domain(), functions));
         // No coefficient is larger than the sum of |F| along its row times the largest |T|.
         let reach = fit.row_iter().map(|row| row.iter().map(|f| f.abs()).sum::<f32>()).fold(0.0, f32::max);
-        Ok(Self { fit, values, scale: power_of_two_for(largest * reach) })
+        Ok(Self { fit: fit.transpose(), values, scale: power_of_two_for(largest * reach) })
     }
 
     /// The three channels of a block: halves `[channel][function][pixel]`, and what was lost.
@@ -88,7 +88,7 @@ impl Coder {
         by: usize,
         (room, numbers): &mut (BlockBuffer, Vec<f32>),
     ) -> Result<(Vec<f16>, BlockErrors)> {
-        let (functions, lamps) = self.fit.shape();
+        let (lamps, functions) = self.fit.shape();
         let mut halves = Vec::with_capacity(CHANNELS * functions * BLOCK_PIXELS);
         let mut errors = BlockErrors::default();
         // From numbers as the samples store them to halves as they are stored here; powers of two.
@@ -96,7 +96,7 @@ impl Coder {
         for c in 0..CHANNELS {
             samples.read(bx, by, c, room, numbers)?;
             let view = DMatrixView::from_slice(numbers, BLOCK_PIXELS, lamps);
-            let coefficients = view * self.fit.transpose();
+            let coefficients = view * &self.fit;
             let start = halves.len();
             halves.extend(coefficients.iter().map(|v| f16::from_f32(v * to_half)));
             let stored = halves[start..].iter().map(|h| h.to_f32() / to_half);

@@ -73,6 +73,8 @@ pub enum Scheme {
 pub enum Stage {
     /// Reading the samples for their energy; counts rows of blocks.
     Measuring,
+    /// Trying sizes of tiles on a part of the picture; counts the tiles of one size.
+    Choosing,
     /// Compressing; counts rows of blocks or of tiles.
     Compressing,
     /// Copying what is kept; counts bytes.

@@ -19,7 +19,6 @@ use crate::domain::StageGrid;
 use crate::error::{Error, Result};
 use crate::field::asset::Asset;
 use crate::field::dense::{BLOCK_PIXELS, CHANNELS};
-use crate::field::sparse::transform;
 use crate::field::writer::power_of_two_for;
 use crate::field::{BlockBuffer, Samples};
 use crate::reconstruct::{Method, Reconstruction, Resampling};
@@ -162,7 +161,7 @@ struct Search {
 impl Coder {
     fn new(asset: &Asset, samples_scale: f32, wanted: &Wanted) -> Result<Self> {
         let grid = StageGrid::new(asset.domain(), wanted.grid)?;
-        let transform = transform(wanted.wavelet, wanted.grid)?;
+        let transform = grid.transform(wanted.wavelet)?;
         let reconstruction = Reconstruction::new(asset.domain().clone(), wanted.reconstruction)?;
         Ok(Self {
             resampling: Resampling::new(&reconstruction, grid.directions()?.lamps()),
