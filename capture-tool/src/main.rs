@@ -9,6 +9,7 @@ mod devices;
 mod drawing;
 mod frames;
 mod new_folder;
+mod pack;
 mod progress;
 mod projection;
 mod rigs;

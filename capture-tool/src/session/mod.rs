@@ -28,6 +28,8 @@ mod description;
 mod folder;
 mod journal;
 mod lock;
+#[cfg(test)]
+mod tests;
 pub mod staging;
 
 pub use description::{CaptureDescription, Description, ImportDescription, SESSION_VERSION, Source};
