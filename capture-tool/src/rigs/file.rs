@@ -133,8 +133,9 @@ pub struct CalibrationRig {
 pub struct WhiteBall {
     /// Its reflectance.
     pub albedo: f64,
-    /// Its middle and radius in the picture, pixels.
-    pub circle_px: [f64; 3],
+    /// Its middle and radius in the picture, pixels; left out, its outline is found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub circle_px: Option<[f64; 3]>,
 }
 
 /// What virtual devices show.
