@@ -29,6 +29,11 @@ impl Canvas {
         Self { picture: Image::from_fn(width, height, |_, _| colour) }
     }
 
+    /// What was drawn so far.
+    pub fn picture(&self) -> &Image {
+        &self.picture
+    }
+
     /// What was drawn.
     pub fn into_picture(self) -> Image {
         self.picture

@@ -3,12 +3,16 @@
 //! Each command goes from raw flags to a checked plan to the work, and returns what is to be said; this file says it and
 //! chooses the exit code: 0, 1 bad input, 2 usage, 130 stopped with Ctrl-C.
 
+mod capture;
 mod commands;
+mod devices;
 mod drawing;
 mod frames;
 mod new_folder;
+mod pack;
 mod progress;
 mod projection;
+mod rigs;
 mod session;
 mod sheet;
 

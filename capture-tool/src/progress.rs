@@ -4,7 +4,7 @@
 //! every output is either whole or gone.
 
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -15,16 +15,23 @@ const WORTH_SHOWING: Duration = Duration::from_secs(2);
 /// How long to watch before the time left is guessed.
 const WATCH: Duration = Duration::from_millis(300);
 
-static STOP: AtomicBool = AtomicBool::new(false);
+/// Requests to stop.
+static STOPS: AtomicU32 = AtomicU32::new(0);
+/// Devices are on: the second request gives up the step in flight but switches off first.
+static DEVICES: AtomicBool = AtomicBool::new(false);
 
 /// From now on Ctrl-C (and a polite `kill`) stops between two units of work; the second one exits at once.
 pub fn listen_for_ctrl_c() {
     let on_signal = || {
-        if STOP.swap(true, Ordering::Relaxed) {
+        let before = STOPS.fetch_add(1, Ordering::Relaxed);
+        let devices = u32::from(DEVICES.load(Ordering::Relaxed));
+        if before > devices {
             std::process::exit(i32::from(crate::EXIT_STOPPED));
         }
         if std::io::stderr().is_terminal() {
-            crate::complain("\nstopping after this step; again to exit at once");
+            let again = if before == devices { "exit at once" } else { "give up the photograph in flight" };
+            let after = if before == 0 { "after this step" } else { "now" };
+            crate::complain(&format!("\nstopping {after}; again to {again}"));
         }
     };
     // Where no handler can be set, Ctrl-C ends the program as it would any other.
@@ -36,7 +43,34 @@ pub fn listen_for_ctrl_c() {
 /// # Errors
 /// [`Error::Cancelled`].
 pub fn check() -> relume_core::Result<()> {
-    if STOP.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
+    if STOPS.load(Ordering::Relaxed) > 0 { Err(Error::Cancelled) } else { Ok(()) }
+}
+
+/// Stops if that was asked for twice: in the middle of a step that can be taken back.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+pub fn check_urgent() -> relume_core::Result<()> {
+    if STOPS.load(Ordering::Relaxed) > 1 { Err(Error::Cancelled) } else { Ok(()) }
+}
+
+/// While it lives, a second Ctrl-C gives up the step in flight in place of the program, so that devices are switched off;
+/// only the third exits at once.
+#[derive(Debug)]
+pub struct DevicesOn(());
+
+impl DevicesOn {
+    /// From now on.
+    pub fn begin() -> Self {
+        DEVICES.store(true, Ordering::Relaxed);
+        Self(())
+    }
+}
+
+impl Drop for DevicesOn {
+    fn drop(&mut self) {
+        DEVICES.store(false, Ordering::Relaxed);
+    }
 }
 
 /// Is an error the answer to a request to stop?

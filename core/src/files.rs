@@ -1,6 +1,6 @@
 //! Files that appear whole or not at all.
 //!
-//! Every output is written to a temporary file in its own folder, synced and renamed, so that a killed process, a full
+//! Every output is written to a temporary file in its own folder, synced and renamed, and the folder synced, so that a killed process, a full
 //! disk or a second reader never meets half a file.
 
 use std::fs::File;
@@ -30,7 +30,19 @@ pub fn write_whole<T>(path: &Path, body: impl FnOnce(&mut BufWriter<File>) -> Re
     let file = writer.into_inner().map_err(|error| Error::io("write", path, error.into_error()))?;
     file.sync_all().map_err(|source| Error::io("write", path, source))?;
     temporary_path.persist(path).map_err(|error| Error::io("rename to", path, error.error))?;
+    sync_folder(folder)?;
     Ok(value)
+}
+
+/// Makes the names in a folder durable: after a file was created, renamed or removed in it.
+///
+/// # Errors
+/// [`Error::Io`] naming the folder. Systems that cannot open folders have nothing to sync.
+pub fn sync_folder(folder: &Path) -> Result<()> {
+    if cfg!(unix) {
+        File::open(folder).and_then(|f| f.sync_all()).map_err(|source| Error::io("sync", folder, source))?;
+    }
+    Ok(())
 }
 
 /// Checks that `path` can become a file: its folder exists, and it is no folder itself. Ask before an hour of work.

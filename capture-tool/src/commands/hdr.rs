@@ -243,7 +243,7 @@ impl Plan {
             })
             .collect();
         let reference = self.reference.map_or(1.0, |i| self.relative.values[i]);
-        let options = Options { curve, sample_type, clip: levels, noise: self.noise, reference };
+        let options = Options { clip: levels, noise: self.noise, reference, ..Options::new(curve, sample_type) };
         let mut merged = hdr::merge(&shots, &options, &mut load)?;
         if let Some(matrix) = bracket.to_rec709() {
             hdr::apply_matrix(&mut merged.image, &matrix);

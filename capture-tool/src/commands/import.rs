@@ -197,7 +197,7 @@ impl Plan {
             None => None,
             Some(folder) => {
                 let mut progress = Progress::new("copying", Unit::Steps);
-                Some(session::stage(folder, &self.import, &checked, &mut |done, all| progress.step(done, all))?)
+                Some(session::staging::stage(folder, &self.import, &checked, &mut |done, all| progress.step(done, all))?)
             }
         };
         let mut report = String::new();

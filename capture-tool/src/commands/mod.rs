@@ -2,6 +2,7 @@
 
 mod animate;
 mod calibrate;
+mod capture;
 mod compare;
 mod compress;
 mod demo;
@@ -30,6 +31,8 @@ use clap::Subcommand;
 pub enum Command {
     /// Photograph a virtual still life under 2560 lamps, relight it, and compare with the scene lit directly.
     Demo(demo::Arguments),
+    /// Photograph an object on a rig: every condition that a field needs, into a session that nothing is lost from.
+    Capture(capture::Arguments),
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
@@ -75,6 +78,7 @@ impl Command {
     pub fn run(self) -> anyhow::Result<String> {
         match self {
             Command::Demo(arguments) => arguments.run(),
+            Command::Capture(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Hdr(arguments) => arguments.run(),
             Command::Probe(arguments) => arguments.run(),

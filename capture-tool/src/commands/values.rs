@@ -120,6 +120,33 @@ fn listed<T, const N: usize>(text: &str, parse: impl Fn(&str) -> Result<T, Strin
     parts.try_into().map_err(|_| format!("{found} numbers in place of {N}, with commas between and decimal dots"))
 }
 
+/// A time as people write it: 90s, 45m, 1h30m.
+pub fn duration(text: &str) -> Result<std::time::Duration, String> {
+    let parsed: Option<jiff::SignedDuration> = text.parse().ok();
+    let positive = parsed.filter(|d| d.is_positive()).and_then(|d| std::time::Duration::try_from(d).ok());
+    positive.ok_or_else(|| "not a time such as 90s, 45m, 2h or 1h30m".to_owned())
+}
+
+/// The most numbers that a list of ranges may name.
+const MOST_NUMBERS: u64 = 1_000_000;
+
+/// Numbers from 1 on and ranges of them, with commas between: 37,52-60. Sorted, none twice.
+pub fn numbers(text: &str) -> Result<Vec<u64>, String> {
+    let range = |part: &str| {
+        let (from, to) = part.split_once('-').unwrap_or((part, part));
+        let number = |text: &str| text.trim().parse::<u64>().ok().filter(|n| *n > 0);
+        match (number(from), number(to)) {
+            (Some(from), Some(to)) if from <= to && to - from < MOST_NUMBERS => Ok(from..=to),
+            _ => Err(format!("`{part}` is no number from 1 on, nor a range such as 52-60")),
+        }
+    };
+    let ranges: Vec<_> = text.split(',').map(range).collect::<Result<_, _>>()?;
+    let mut numbers: Vec<u64> = ranges.into_iter().flatten().collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    Ok(numbers)
+}
+
 /// How many lamps to keep: a part below one, as 1/4 or 0.25, or a whole number.
 pub fn keep(text: &str) -> Result<Keep, String> {
     const WANTED: &str = "not a part such as 1/4 or 0.25, nor a whole number of lamps";

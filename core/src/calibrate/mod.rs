@@ -6,6 +6,7 @@
 //!
 //! | part | what it holds |
 //! |---|---|
+//! | [`black`] | the dark level and the ambient light, from black photographs |
 //! | [`ball`] | the outline of a ball in a photograph |
 //! | [`reflect`] | which way light came that is seen at a pixel of a ball |
 //! | [`highlight`] | highlights on a ball in one photograph |
@@ -19,6 +20,7 @@
 //! | [`chart`] | a colour matrix from a chart of 24 patches |
 
 pub mod ball;
+pub mod black;
 pub mod chart;
 pub mod failed;
 pub mod highlight;

@@ -3,10 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
+
 use super::manifest::Precision;
 use super::store::{Scratch, Store};
 use crate::error::Result;
-use crate::image::Window;
+use crate::image::{Image, Window};
 
 /// Columns of a block.
 pub const BLOCK_WIDTH: usize = 16;
@@ -94,7 +97,6 @@ pub struct BlockBuffer(pub(super) Scratch);
 impl Block<'_> {
     /// The numbers as floats, as stored.
     pub fn expand(&self, out: &mut Vec<f32>) {
-        use half::slice::HalfFloatSliceExt;
         match self {
             Block::Half(t) => {
                 out.resize(t.len(), 0.0);
@@ -142,5 +144,48 @@ impl Dense {
             Precision::Half => Block::Half(bytemuck::cast_slice(bytes)),
             Precision::Float => Block::Float(bytemuck::cast_slice(bytes)),
         })
+    }
+
+    /// The coefficient picture of one element, RGB: of lamps, `T_j`. Reads 256 bytes of every block.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read.
+    ///
+    /// # Panics
+    /// When there is no such element.
+    pub fn picture(&self, element: usize) -> Result<Image> {
+        assert!(element < self.layout.elements, "element {element} of {}", self.layout.elements);
+        let (width, height) = (self.layout.width, self.layout.height);
+        let mut picture = Image::new(width, height, CHANNELS);
+        let rows = picture.data_mut().par_chunks_mut(width * CHANNELS * BLOCK_HEIGHT).enumerate();
+        rows.try_for_each_init(BlockBuffer::default, |buffer, (by, rows)| {
+            (0..self.layout.columns() * CHANNELS).try_for_each(|n| {
+                let (bx, c) = (n / CHANNELS, n % CHANNELS);
+                let block = self.tile(bx, by, c, element, buffer)?;
+                for (y, row) in rows.chunks_exact_mut(width * CHANNELS).enumerate() {
+                    let pixels = row.chunks_exact_mut(CHANNELS).skip(bx * BLOCK_WIDTH);
+                    pixels.zip(&block[y * BLOCK_WIDTH..(y + 1) * BLOCK_WIDTH]).for_each(|(pixel, t)| pixel[c] = *t);
+                }
+                Ok::<(), crate::error::Error>(())
+            })
+        })?;
+        Ok(picture)
+    }
+
+    /// The numbers of one element in a block, scaled.
+    fn tile(&self, bx: usize, by: usize, c: usize, element: usize, buffer: &mut BlockBuffer) -> Result<[f32; BLOCK_PIXELS]> {
+        let index = (by * self.layout.columns() + bx) * CHANNELS + c;
+        let length = BLOCK_PIXELS * self.precision.bytes();
+        let at = self.start + (index * self.layout.elements + element) as u64 * length as u64;
+        let bytes = self.store.get(at, length, &mut buffer.0)?;
+        let mut tile = [0.0f32; BLOCK_PIXELS];
+        match self.precision {
+            Precision::Half => {
+                bytemuck::cast_slice::<u8, half::f16>(bytes).convert_to_f32_slice(&mut tile);
+            }
+            Precision::Float => tile.copy_from_slice(bytemuck::cast_slice(bytes)),
+        }
+        tile.iter_mut().for_each(|t| *t *= self.scale);
+        Ok(tile)
     }
 }

@@ -14,8 +14,10 @@
 //! - Bright: noise that is cut off at the clipping level biases the mean. 4 standard deviations below the level nothing is
 //!   cut (3e-5); trust falls smoothly to zero from there to the level. What judges is the larger of the value itself and
 //!   what the shorter photographs predict for it, so that JPEG's ringing in a clipped area does not pass for light.
-//! - Dark: values that come out below black are cut there, which biases again. Trust rises from 1 to 3 standard deviations
-//!   of black. It stays above a floor so small that it matters only where no photograph is brighter, and
+//! - Dark: values that come out below code 0 are cut there, which biases again. Trust rises from 1 to 3 standard deviations
+//!   above that cut. Where a dark level above zero is subtracted ([`Options::black`]) the cut lies below no light, and as
+//!   soon as it lies 3 standard deviations below, everything is trusted: negative values are kept, and the mean of
+//!   what is dark is right. Trust stays above a floor so small that it matters only where no photograph is brighter, and
 //!   that falls so fast with exposure (sixth power) that then the longest decides.
 //!
 //! Dropping costs little. Where the best photograph has the most trust (near black), the merge is never noisier than that
@@ -65,9 +67,20 @@ pub struct Options {
     pub clip: [f32; 3],
     /// The sensor.
     pub noise: Noise,
+    /// The dark level: the code (white = 1) of no light, each channel, as [`calibrate`](crate::calibrate) finds it in black
+    /// photographs; zeros where codes have none. Its light is subtracted (see [`Decoder`]).
+    pub black: [f32; 3],
     /// The relative exposure at which the pixel value of the result equals the light of the photograph, white code = 1:
     /// with 1, `E = x / s`.
     pub reference: f64,
+}
+
+impl Options {
+    /// Nothing clipped, no dark level, a sensor of the usual kind, and `E = x / s`.
+    pub fn new(curve: Curve, sample_type: SampleType) -> Self {
+        let (clip, noise, black) = ([f32::INFINITY; 3], Noise::default(), [0.0; 3]);
+        Self { curve, sample_type, clip, noise, black, reference: 1.0 }
+    }
 }
 
 /// A merged picture, RGB, linear, in the camera's colours.
@@ -89,25 +102,61 @@ pub struct Merged {
 /// # Errors
 /// [`Error::Invalid`] for no photograph, an exposure that is not positive, or photographs of different sizes.
 pub fn merge(shots: &[Shot], options: &Options, load: &mut dyn FnMut(usize) -> Result<Arc<Image>>) -> Result<Merged> {
-    let frames = frames(shots, options)?;
-    let Some(first) = frames.first() else {
-        return Err(Error::invalid("the bracket", "no photograph", "at least one"));
-    };
-    let size = load(first.index)?.size();
-    let mut sums = Sums::new(size);
-    for frame in &frames {
-        let image = checked(load(frame.index)?, size, frame.index)?;
-        sums.visit(frame, &image, first_pass);
+    Merger::new(options.clone())?.merge(shots, load)
+}
+
+/// Merges many brackets of one camera: the tables from codes to light are made once.
+#[derive(Debug, Clone)]
+pub struct Merger {
+    options: Options,
+    decoder: Decoder,
+}
+
+impl Merger {
+    /// Makes the tables.
+    ///
+    /// # Errors
+    /// As [`Decoder::new`].
+    pub fn new(options: Options) -> Result<Self> {
+        let decoder = Decoder::new(&options.curve, options.sample_type, options.black)?;
+        Ok(Self { options, decoder })
     }
-    sums.begin_second_pass();
-    let mut uses = vec![Use::default(); shots.len()];
-    for frame in &frames {
-        let image = checked(load(frame.index)?, size, frame.index)?;
-        uses[frame.index] = sums.visit(frame, &image, second_pass).into_use();
+
+    /// What it was made with.
+    pub fn options(&self) -> &Options {
+        &self.options
     }
-    // Sums are relative to the middle exposure.
-    let middle = first.shot.exposure / f64::from(first.s);
-    sums.finish(options.reference / middle, uses)
+
+    /// From codes to light.
+    pub fn decoder(&self) -> &Decoder {
+        &self.decoder
+    }
+
+    /// As [`merge`].
+    ///
+    /// # Errors
+    /// As [`merge`].
+    pub fn merge(&self, shots: &[Shot], load: &mut dyn FnMut(usize) -> Result<Arc<Image>>) -> Result<Merged> {
+        let frames = frames(shots, &self.options, &self.decoder)?;
+        let Some(first) = frames.first() else {
+            return Err(Error::invalid("the bracket", "no photograph", "at least one"));
+        };
+        let size = load(first.index)?.size();
+        let mut sums = Sums::new(size);
+        for frame in &frames {
+            let image = checked(load(frame.index)?, size, frame.index)?;
+            sums.visit(frame, &image, first_pass);
+        }
+        sums.begin_second_pass();
+        let mut uses = vec![Use::default(); shots.len()];
+        for frame in &frames {
+            let image = checked(load(frame.index)?, size, frame.index)?;
+            uses[frame.index] = sums.visit(frame, &image, second_pass).into_use();
+        }
+        // Sums are relative to the middle exposure.
+        let middle = first.shot.exposure / f64::from(first.s);
+        sums.finish(self.options.reference / middle, uses)
+    }
 }
 
 fn checked(image: Arc<Image>, size: (usize, usize), index: usize) -> Result<Arc<Image>> {
@@ -119,13 +168,13 @@ fn checked(image: Arc<Image>, size: (usize, usize), index: usize) -> Result<Arc<
 }
 
 /// A photograph with all that is constant over it.
-struct Frame {
+struct Frame<'a> {
     index: usize,
     shot: Shot,
     /// Exposure relative to the middle of the bracket, so that f32 is never strained.
     s: f32,
     lanes: [Lane; 3],
-    decoder: Arc<Decoder>,
+    decoder: &'a Decoder,
 }
 
 /// One channel of a photograph.
@@ -136,6 +185,8 @@ struct Lane {
     /// Photon variance per light, and variance of reading.
     photon: f32,
     read: f32,
+    /// What is darker is as good as black.
+    signal: f32,
     /// Where trust rises, and where it falls; in light.
     dark: [f32; 2],
     bright: [f32; 2],
@@ -144,14 +195,13 @@ struct Lane {
 }
 
 /// In order of exposure.
-fn frames(shots: &[Shot], options: &Options) -> Result<Vec<Frame>> {
+fn frames<'a>(shots: &[Shot], options: &Options, decoder: &'a Decoder) -> Result<Vec<Frame<'a>>> {
     for (n, shot) in shots.iter().enumerate() {
         if !(shot.exposure.is_normal() && shot.exposure > 0.0 && shot.iso.is_normal() && shot.iso > 0.0) {
             let found = format!("exposure {}, ISO {}", shot.exposure, shot.iso);
             return Err(Error::invalid(format!("photograph {}", n + 1), found, "positive numbers"));
         }
     }
-    let decoder = Arc::new(Decoder::new(&options.curve, options.sample_type)?);
     let middle = (shots.iter().map(|s| s.exposure.ln()).sum::<f64>() / shots.len().max(1) as f64).exp();
     let longest = shots.iter().map(|s| s.exposure).fold(0.0, f64::max);
     let mut order: Vec<usize> = (0..shots.len()).collect();
@@ -160,8 +210,8 @@ fn frames(shots: &[Shot], options: &Options) -> Result<Vec<Frame>> {
         let shot = shots[index];
         let floor = FLOOR * ((shot.exposure / longest) as f32).powi(FLOOR_POWER);
         let s = (shot.exposure / middle) as f32;
-        let lane = |c: usize| Lane::new(&decoder, c, options.clip[c], &options.noise, shot.iso, s, floor);
-        Frame { index, shot, s, lanes: [0, 1, 2].map(lane), decoder: decoder.clone() }
+        let lane = |c: usize| Lane::new(decoder, c, options.clip[c], &options.noise, shot.iso, s, floor);
+        Frame { index, shot, s, lanes: [0, 1, 2].map(lane), decoder }
     };
     Ok(order.into_iter().map(frame).collect())
 }
@@ -170,7 +220,8 @@ impl Lane {
     fn new(decoder: &Decoder, c: usize, clip: f32, noise: &Noise, iso: f64, s: f32, floor: f32) -> Self {
         // The light at which the sensor is full; where nothing clips, that of the white code.
         let (white, coarse) = decoder.light(c, if clip.is_finite() { clip } else { 1.0 });
-        let (black, fine) = decoder.light(c, 0.0);
+        let (black, fine) = decoder.light(c, decoder.black(c));
+        let cut = decoder.light(c, 0.0).0;
         let read = white * white * noise.variance(0.0, iso) as f32;
         let photon = white * (noise.variance(1.0, iso) - noise.variance(0.0, iso)) as f32;
         let at_white = (photon * white + read + coarse).sqrt();
@@ -180,18 +231,19 @@ impl Lane {
             clip,
             photon,
             read,
-            dark: DARK_SIGMAS.map(|sigmas| black + sigmas * at_black),
+            signal: black + DARK_SIGMAS[0] * at_black,
+            dark: DARK_SIGMAS.map(|sigmas| cut + sigmas * at_black),
             bright: [level - BRIGHT_SIGMAS * at_white, level],
             floor,
             s,
         }
     }
 
-    /// Trust in light `x`, and whether that is more than the floor.
+    /// Trust in light `x`, and whether it is in range: neither clipped nor as good as black.
     fn trust(&self, x: f32) -> (f32, bool) {
         let rise = smoothstep(self.dark, x);
         let fall = if x < self.bright[0] { 1.0 } else { 1.0 - smoothstep(self.bright, x) };
-        (rise.max(self.floor) * fall, rise > self.floor && fall > 0.0)
+        (rise.max(self.floor) * fall, x > self.signal && rise > self.floor && fall > 0.0)
     }
 
     /// `s^2 / var(x)`.
@@ -290,7 +342,7 @@ impl Sums {
     /// Shows a photograph to every sample it covers.
     fn visit(
         &mut self,
-        frame: &Frame,
+        frame: &Frame<'_>,
         image: &Image,
         pass: impl Fn(&Lane, Seen, &mut Cell, &mut Tally) + Sync,
     ) -> Tally {

@@ -18,7 +18,7 @@
 //! | `survey` | where they clip; pixels to recover a response from |
 //! | `recover` | the response from photographs (Debevec and Malik 1997) |
 //! | `response` | a camera's response, and its file |
-//! | `curve` | codes to light, and what rounding costs |
+//! | `curve` | codes to light above the dark level, and what rounding costs |
 //! | `noise` | how far a sensor strays |
 //! | `merge` | the weighted mean of least variance |
 //! | `report` | what was clipped, dark and used |
@@ -37,12 +37,14 @@ mod report;
 mod response;
 mod survey;
 #[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
 mod tests;
 
 pub use bracket::{Bracket, ToRec709, apply_matrix, is_raw};
-pub use curve::Curve;
+pub use curve::{Curve, Decoder};
 pub use exposure::{Exposure, Relative, parse_time, relative};
-pub use merge::{Merged, Options, Shot, merge};
+pub use merge::{Merged, Merger, Options, Shot, merge};
 pub use noise::Noise;
 pub use recover::{LAMBDA, Recovered, RecoveryReport, recover};
 pub use report::{Report, Shares, Use};

@@ -62,6 +62,40 @@ impl Response {
         &self.light[c]
     }
 
+    /// Light of a code between 0 and 1 of channel `c`, also between two of the 256: cubic pieces that rise as the table does
+    /// (F. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci.
+    /// Stat. Comput. 5, 1984). The light of a gamma of 2.4 is hit to 0.1 % from code 5 of 255 on, where straight lines
+    /// err by 1.6 %. Codes outside are taken for the nearest.
+    ///
+    /// # Panics
+    /// When `c` is not a channel.
+    pub fn light(&self, c: usize, code: f64) -> f64 {
+        let table = &self.light[c];
+        let at = code.clamp(0.0, 1.0) * (CODES - 1) as f64;
+        let z = (at as usize).min(CODES - 2);
+        let (t, rise) = (at - z as f64, table[z + 1] - table[z]);
+        let (from, to) = (slope(table, z), slope(table, z + 1));
+        // Hermite's cubic over [z, z + 1] with these slopes.
+        let curve = (from + to - 2.0 * rise) * t + (3.0 * rise - 2.0 * from - to);
+        table[z] + t * (from + t * curve)
+    }
+
+    /// The code between 0 and 1 that stands for this light in channel `c`: the inverse of [`Response::light`].
+    ///
+    /// # Panics
+    /// When `c` is not a channel.
+    pub fn code(&self, c: usize, light: f64) -> f64 {
+        let above = self.light[c].partition_point(|v| *v <= light);
+        let last = (CODES - 1) as f64;
+        let (mut low, mut high) = (above.saturating_sub(1) as f64 / last, (above as f64 / last).min(1.0));
+        // Fifty halvings of one code: the precision of f64.
+        for _ in 0..50 {
+            let middle = 0.5 * (low + high);
+            if self.light(c, middle) < light { low = middle } else { high = middle }
+        }
+        0.5 * (low + high)
+    }
+
     /// Writes a text file: comments behind `#`, then a line for each code: code, red, green, blue.
     ///
     /// # Errors
@@ -113,6 +147,20 @@ impl Response {
     }
 }
 
+/// Slope of the interpolant at a knot: the harmonic mean of the rises on either side, which never overshoots; at the ends
+/// the only one.
+fn slope(table: &[f64; CODES], z: usize) -> f64 {
+    let rise = |z: usize| table[z + 1] - table[z];
+    match z {
+        0 => rise(0),
+        z if z == CODES - 1 => rise(z - 1),
+        z => {
+            let (before, after) = (rise(z - 1), rise(z));
+            2.0 * before * after / (before + after)
+        }
+    }
+}
+
 const EXPECTED: &str = "a response file: 256 lines `CODE RED GREEN BLUE`";
 
 fn numbers(line: &str) -> Option<[f64; 4]> {
@@ -123,6 +171,27 @@ fn numbers(line: &str) -> Option<[f64; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn between_codes_the_curve_rises_and_returns() {
+        let gamma = std::array::from_fn(|z| (z as f64 / 255.0).powf(2.4));
+        let response = Response::new("test", [gamma; 3]).unwrap();
+        let scale = response.channel(0)[255];
+        let (mut worst, mut last) = (0.0f64, -1.0);
+        for k in 0..=4095 {
+            let code = f64::from(k) / 4095.0;
+            let light = response.light(1, code);
+            assert!(light > last, "{k}");
+            last = light;
+            if code >= 5.0 / 255.0 {
+                worst = worst.max((light / scale / code.powf(2.4) - 1.0).abs());
+            }
+            assert!((response.code(1, light) - code).abs() < 1e-9, "{k}");
+        }
+        assert!(worst < 1e-3, "{worst}");
+        assert!((0..256).all(|z| (response.light(0, z as f64 / 255.0) - response.channel(0)[z]).abs() < 1e-12));
+        assert_eq!((response.code(0, -1.0), response.code(0, 1e9)), (0.0, 1.0));
+    }
 
     #[test]
     fn a_file_gives_the_response_back() {

@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_pcg::Pcg32;
 
+use super::testing::{self, NOISE, film, inverse_film, normal, poisson};
 use super::*;
 use crate::image::{Image, SampleType, srgb};
 
@@ -16,21 +17,6 @@ struct Camera {
     noise: Noise,
 }
 
-/// A toe and a shoulder, such as developing software makes: an S curve over a power. Strictly increasing on 0..1.
-fn film(x: f64) -> f64 {
-    let v = x.powf(0.42);
-    v * v * (3.0 - 2.0 * v) * 0.6 + 0.4 * v
-}
-
-fn inverse_film(code: f64) -> f64 {
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if film(middle) < code { low = middle } else { high = middle }
-    }
-    0.5 * (low + high)
-}
-
 fn srgb_code(x: f64) -> f64 {
     f64::from(srgb::encode(x as f32))
 }
@@ -39,7 +25,6 @@ fn srgb_light(code: f64) -> f64 {
     f64::from(srgb::decode(code as f32))
 }
 
-const NOISE: Noise = Noise { full_well_e: 20_000.0, read_e: 8.0 };
 const FILM: Camera = Camera { forward: film, inverse: inverse_film, codes: 255.0, noise: NOISE };
 const SRGB: Camera = Camera { forward: srgb_code, inverse: srgb_light, codes: 255.0, noise: NOISE };
 const RAW12: Camera = Camera { forward: |x| x, inverse: |x| x, codes: 4095.0, noise: NOISE };
@@ -83,27 +68,8 @@ impl Camera {
 
     fn options(&self) -> Options {
         let (curve, sample_type) = self.curve();
-        Options { curve, sample_type, clip: [1.0; 3], noise: self.noise, reference: 1.0 }
+        Options { clip: [1.0; 3], noise: self.noise, ..Options::new(curve, sample_type) }
     }
-}
-
-fn normal(rng: &mut Pcg32) -> f64 {
-    // Box and Muller.
-    let (u, v): (f64, f64) = (1.0 - rng.random::<f64>(), rng.random());
-    (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
-}
-
-/// Exact below 50 (Knuth's products), the normal limit above.
-fn poisson(mean: f64, rng: &mut Pcg32) -> f64 {
-    if mean > 50.0 {
-        return (mean + mean.sqrt() * normal(rng)).round().max(0.0);
-    }
-    let (limit, mut product, mut count) = ((-mean).exp(), rng.random::<f64>(), 0.0);
-    while product > limit {
-        product *= rng.random::<f64>();
-        count += 1.0;
-    }
-    count
 }
 
 fn shots(exposures: &[f64]) -> Vec<Shot> {
@@ -180,7 +146,7 @@ fn a_merge_is_as_quiet_as_it_can_be() {
         let frames = camera.bracket(&truth, &TWO_STOPS, 3);
         let result = merged(&frames, &TWO_STOPS, &camera.options());
         let (curve, sample_type) = camera.curve();
-        let decoder = super::curve::Decoder::new(&curve, sample_type).unwrap();
+        let decoder = super::curve::Decoder::new(&curve, sample_type, [0.0; 3]).unwrap();
         let (mut worst, mut ratios) = (0.0f64, Vec::new());
         for x in 0..w {
             let light = f64::from(truth.pixel(x, 0)[0]) * camera.scale();
@@ -223,13 +189,7 @@ fn constant(values: &[[f32; 3]]) -> Arc<Image> {
 }
 
 fn linear(clip: f32) -> Options {
-    Options {
-        curve: Curve::Linear,
-        sample_type: SampleType::Float,
-        clip: [clip; 3],
-        noise: Noise::default(),
-        reference: 1.0,
-    }
+    Options { clip: [clip; 3], ..Options::new(Curve::Linear, SampleType::Float) }
 }
 
 #[test]
@@ -308,4 +268,35 @@ fn bad_brackets_are_refused() {
     assert!(message.contains("photograph 2: found 2 x 1"), "{message}");
     let stopped = merge(&shots(&[1.0]), &linear(1.0), &mut |_| Err(crate::Error::Cancelled));
     assert!(matches!(stopped, Err(crate::Error::Cancelled)));
+}
+
+/// Two dark lights, a twentieth and twice the read noise, seen by a camera with a dark level: without it subtracted they
+/// come out too bright, with it their means are right, because values below it are kept.
+#[test]
+fn a_dark_level_is_subtracted_without_bias() {
+    let truth = Image::from_fn(120, 90, |x, _| if x < 60 { [2e-5; 3] } else { [8e-4; 3] });
+    let s = 1.0;
+    for sensor in [testing::LINEAR, testing::FILM] {
+        let curve = if sensor.film {
+            let table = std::array::from_fn(|z| inverse_film(z as f64 / 255.0));
+            Curve::Response(Response::new("camera", [table; 3]).unwrap())
+        } else {
+            Curve::Linear
+        };
+        let scale = curve.light(0, 0.5) / sensor.light(0.5);
+        let black = [sensor.code(sensor.dark) as f32; 3];
+        let frame = Arc::new(sensor.photograph(&truth, s, 5));
+        let mean = |black: [f32; 3], left: bool| {
+            let options = Options { black, clip: [1.0; 3], ..Options::new(curve.clone(), SampleType::U16) };
+            let image = merged(&[frame.clone()], &[s], &options).image;
+            let half = (0..90).flat_map(|y| (0..60).map(move |x| (x + if left { 0 } else { 60 }, y)));
+            half.map(|(x, y)| f64::from(image.pixel(x, y)[1])).sum::<f64>() / (5400.0 * scale)
+        };
+        // Noise of the mean of 5400 samples: 6e-4 / 73 = 8e-6.
+        for (left, light) in [(true, 2e-5), (false, 8e-4)] {
+            let (with, without) = (mean(black, left), mean([0.0; 3], left));
+            assert!((with - light).abs() < 4e-5, "film {}: {with} is not {light}", sensor.film);
+            assert!(without > light + 0.9 * sensor.dark, "{without}");
+        }
+    }
 }

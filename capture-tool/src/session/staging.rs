@@ -1,90 +1,38 @@
-//! Session folders: the photographs as the camera gave them, and how they came to be.
-//!
-//! ```text
-//! session.toml          rig, sampler, encoding, tool version
-//! journal.jsonl         one line a photograph: number, file, lamp direction, bytes, BLAKE3
-//! photos/NNNNNN/        photograph N, counted from 1, under its own name
-//! calibration/          the .lp file; the black photograph, the coverage, the lamps' table and flat fields, where there are any
-//! ```
-//!
-//! An import writes the folder beside its place and renames it at the end: it appears whole or not at all.
+//! Imports: a session written beside its place and renamed at the end, so that it appears whole or not at all.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
 use relume_core::acquire::{Checked, ImportLp};
+use relume_core::domain::lp;
+use relume_core::files::write_whole;
 use relume_core::{Error, Result};
 use serde::Serialize;
 
+use super::{Description, Frame, ImportDescription, Line, Photograph, Role, Source};
 use crate::new_folder::NewFolder;
+use crate::rigs::Condition;
 
-/// Version of the layout above.
-const SESSION_VERSION: u32 = 1;
+/// The photographs of a session with their directions, for `pack` and for any tool that reads `.lp`.
+pub const LIGHTS: &str = "lights.lp";
 
-/// `session.toml`.
-#[derive(Debug, Serialize)]
-struct Session {
-    version: u32,
-    tool: &'static str,
-    rig: Rig,
-    camera: Camera,
-    sampler: Sampler,
-    calibration: Calibration,
-}
-
-#[derive(Debug, Serialize)]
-struct Rig {
-    /// `imported`: no device was driven.
-    kind: &'static str,
-    lamps: usize,
-    irradiance: f32,
-}
-
-#[derive(Debug, Serialize)]
-struct Camera {
-    width: usize,
-    height: usize,
-    encoding: String,
-    /// Id of the colours of the photographs, once decoded.
-    colour_space: &'static str,
-}
-
-#[derive(Debug, Serialize)]
-struct Sampler {
-    /// `scan`: one lamp after another.
-    kind: &'static str,
-}
-
-/// Files in `calibration/`.
+/// What an import from a `.lp` file has of its own; paths inside the session.
 #[derive(Debug, Default, Serialize)]
-struct Calibration {
-    lp: Option<Copied>,
-    black: Option<Copied>,
-    alpha: Option<Copied>,
-    lamps: Option<Copied>,
-    /// One photograph of a flat white card a lamp.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    flat_field: Vec<Copied>,
-}
-
-/// A file that was copied into the session.
-#[derive(Debug, Serialize)]
-struct Copied {
-    /// Path inside the session, with forward slashes.
-    file: String,
-    bytes: u64,
-    blake3: String,
-}
-
-/// A line of `journal.jsonl`.
-#[derive(Debug, Serialize)]
-struct Entry<'a> {
-    /// Counted from 1.
-    number: usize,
-    direction: [f64; 3],
-    #[serde(flatten)]
-    photograph: &'a Copied,
+struct LpSettings {
+    irradiance: f32,
+    /// The .lp file as it was given.
+    lp: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    black: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    alpha: Option<String>,
+    /// The lamps' table.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    lamps: Option<String>,
+    /// The folder of photographs of a flat white card, one a lamp.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flat_field: Option<String>,
 }
 
 /// Copies the photographs of an import, hashing each; `progress(photographs done, all)` may stop it.
@@ -99,59 +47,75 @@ pub fn stage(
 ) -> Result<NewFolder> {
     let folder = NewFolder::begin(target)?;
     let root = folder.path();
-    let copy = |from: &Path| copy_into(root, "calibration", from);
+    let copy = |from: &Path| copy_into(root, "calibration", from).map(|copied| copied.file);
     let cards = import.measured.cards(&checked.lp.photographs);
-    let calibration = Calibration {
-        lp: Some(copy(&import.lp)?),
+    for card in cards.iter().flatten() {
+        copy_into(root, "calibration/flat-field", card)?;
+    }
+    let settings = LpSettings {
+        irradiance: import.irradiance,
+        lp: copy(&import.lp)?,
         black: import.black.as_deref().map(copy).transpose()?,
         alpha: import.alpha.as_deref().map(copy).transpose()?,
         lamps: import.measured.lamps.as_deref().map(copy).transpose()?,
-        flat_field: cards
-            .iter()
-            .flatten()
-            .map(|card| copy_into(root, "calibration/flat-field", card))
-            .collect::<Result<_>>()?,
+        flat_field: cards.is_some().then(|| "calibration/flat-field".to_owned()),
     };
-    write_journal(root, checked, progress)?;
-    let session = Session {
-        version: SESSION_VERSION,
-        tool: concat!("relume ", env!("CARGO_PKG_VERSION")),
-        rig: Rig { kind: "imported", lamps: checked.lp.photographs.len(), irradiance: import.irradiance },
-        camera: Camera {
-            width: checked.width,
-            height: checked.height,
-            encoding: format!("{:?}", import.encoding).to_lowercase(),
-            colour_space: import.colour_space.id(),
-        },
-        sampler: Sampler { kind: "scan" },
-        calibration,
-    };
-    let path = root.join("session.toml");
-    let text = toml::to_string(&session).map_err(|error| Error::io("write", &path, io::Error::other(error)))?;
-    relume_core::files::write_whole(&path, |file| {
-        file.write_all(text.as_bytes()).map_err(|source| Error::io("write", &path, source))
-    })?;
+    write_photographs(root, checked, progress)?;
+    let failed = |error: toml::ser::Error| Error::io("write", root, io::Error::other(error));
+    let description = Description::new(Source::Import(ImportDescription {
+        kind: "lp".to_owned(),
+        width: checked.width,
+        height: checked.height,
+        encoding: format!("{:?}", import.encoding).to_lowercase(),
+        colour_space: import.colour_space.id().to_owned(),
+        settings: toml::Table::try_from(settings).map_err(failed)?,
+    }));
+    description.write(root)?;
     Ok(folder)
 }
 
-fn write_journal(root: &Path, checked: &Checked, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<()> {
+/// The photographs, the journal, and [`LIGHTS`].
+fn write_photographs(root: &Path, checked: &Checked, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<()> {
     let path = root.join("journal.jsonl");
     let fail = |source| Error::io("write", &path, source);
     let mut journal = BufWriter::new(File::create(&path).map_err(fail)?);
     let all = checked.lp.photographs.len() as u64;
-    for ((photograph, direction), number) in checked.lp.photographs.iter().zip(&checked.lp.directions).zip(1..) {
-        let copied = copy_into(root, &format!("photos/{number:06}"), photograph)?;
-        let entry = Entry { number, direction: (*direction).into(), photograph: &copied };
-        serde_json::to_writer(&mut journal, &entry).map_err(|error| fail(error.into()))?;
+    let mut names = Vec::new();
+    for (photograph, number) in checked.lp.photographs.iter().zip(1..) {
+        let frame = copy_into(root, &format!("photos/{number:06}"), photograph)?;
+        names.push(frame.file.clone().into());
+        serde_json::to_writer(&mut journal, &imported(number, frame)).map_err(|error| fail(error.into()))?;
         journal.write_all(b"\n").map_err(fail)?;
-        progress(number as u64, all)?;
+        progress(number, all)?;
     }
     let file = journal.into_inner().map_err(|error| fail(error.into_error()))?;
-    file.sync_all().map_err(fail)
+    file.sync_all().map_err(fail)?;
+    let lights = root.join(LIGHTS);
+    let text = lp::text(&lp::Lp { photographs: names, directions: checked.lp.directions.clone() });
+    write_whole(&lights, |out| out.write_all(text.as_bytes()).map_err(|source| Error::io("write", &lights, source)))
 }
 
-/// Copies a file into `root/folder` under its own name.
-fn copy_into(root: &Path, folder: &str, from: &Path) -> Result<Copied> {
+/// The line of an imported photograph.
+fn imported(number: u64, frame: Frame) -> Line {
+    let step = number - 1;
+    Line::Photograph(Photograph {
+        number,
+        step,
+        condition: Condition::Lamp(step as usize),
+        role: Role::Sample,
+        redo_of: None,
+        frames: vec![frame],
+        time: jiff::Timestamp::now().to_string(),
+        seconds: 0.0,
+        remarks: Vec::new(),
+    })
+}
+
+/// Copies a file into `root/folder` under its own name, hashing it.
+///
+/// # Errors
+/// A file that cannot be read, no room, a name that is taken.
+pub fn copy_into(root: &Path, folder: &str, from: &Path) -> Result<Frame> {
     let name = from.file_name().unwrap_or_default();
     let into = root.join(folder);
     fs::create_dir_all(&into).map_err(|source| Error::io("create", &into, source))?;
@@ -161,7 +125,7 @@ fn copy_into(root: &Path, folder: &str, from: &Path) -> Result<Copied> {
         return Err(Error::invalid(place, "a name that another of its files has", "different names"));
     }
     let (bytes, blake3) = copy_and_hash(from, &to)?;
-    Ok(Copied { file: format!("{folder}/{}", name.to_string_lossy()), bytes, blake3 })
+    Ok(Frame { file: format!("{folder}/{}", name.to_string_lossy()), exposure: None, bytes, blake3 })
 }
 
 /// One pass: what is hashed is what was written. Gives the number of bytes and their BLAKE3, hexadecimal.
@@ -187,6 +151,7 @@ mod tests {
     use relume_core::field::Precision;
     use relume_core::image::{ColourSpace, Encoding};
 
+    use super::super::Journal;
     use super::*;
 
     fn import(folder: &Path) -> ImportLp {
@@ -227,16 +192,20 @@ mod tests {
         let staged = stage(&target, &import, &checked(&import), &mut |_, _| Ok(())).unwrap();
         assert!(!target.exists());
         staged.commit().unwrap();
-        assert_eq!(names(&target), ["calibration", "journal.jsonl", "photos", "session.toml"]);
+        assert_eq!(names(&target), ["calibration", "journal.jsonl", "lights.lp", "photos", "session.toml"]);
         assert_eq!(fs::read(target.join("photos/000002/b.png")).unwrap(), b"second");
-        let journal = fs::read_to_string(target.join("journal.jsonl")).unwrap();
-        let lines: Vec<serde_json::Value> = journal.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-        assert_eq!(lines.len(), 2);
-        assert_eq!(lines[1]["direction"], serde_json::json!([1.0, 0.0, 0.0]));
-        assert_eq!(lines[1]["blake3"], blake3::hash(b"second").to_hex().to_string());
-        let session: toml::Table = fs::read_to_string(target.join("session.toml")).unwrap().parse().unwrap();
-        assert_eq!(session["rig"]["lamps"].as_integer(), Some(2));
-        assert_eq!(session["calibration"]["lp"]["file"].as_str(), Some("calibration/l.lp"));
+        let journal = Journal::read(&target).unwrap();
+        let [_, Line::Photograph(second)] = &journal[..] else { panic!("{journal:?}") };
+        assert_eq!((second.number, &second.condition), (2, &Condition::Lamp(1)));
+        assert_eq!(second.frames[0].file, "photos/000002/b.png");
+        assert_eq!(second.frames[0].blake3, blake3::hash(b"second").to_hex().to_string());
+        let description = Description::read(&target).unwrap();
+        let Source::Import(found) = description.source else { panic!("a capture") };
+        assert_eq!((found.kind.as_str(), found.width, found.height), ("lp", 3, 2));
+        assert_eq!(found.settings["lp"].as_str(), Some("calibration/l.lp"));
+        let lights = lp::read(&target.join(LIGHTS), lp::Lengths::Unit).unwrap();
+        assert_eq!(lights.photographs[1], target.join("photos/000002/b.png"));
+        assert_eq!(lights.directions, checked(&import).lp.directions);
         assert_eq!(names(folder.path()), ["a.png", "b.png", "l.lp", "session"]);
     }
 

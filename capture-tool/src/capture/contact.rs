@@ -1,0 +1,87 @@
+//! The live contact sheet: small pictures with their numbers, a page a hundred photographs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use relume_core::files::write_whole;
+use relume_core::image::{Image, encode_png8, srgb};
+use relume_core::{Error, Result};
+use std::io::Write;
+
+use crate::drawing::{Canvas, LINE};
+
+/// Pictures in a row, and rows of a page.
+const GRID: (usize, usize) = (10, 10);
+/// Size of a cell's picture.
+const CELL: (usize, usize) = (112, 84);
+/// A page is written at most this often.
+const PAUSE: Duration = Duration::from_secs(2);
+
+/// The page that is being filled. Memory: one page, 1.4 million pixels.
+pub struct ContactSheet {
+    folder: PathBuf,
+    page: u64,
+    canvas: Canvas,
+    changed: bool,
+    written: Option<Instant>,
+}
+
+impl ContactSheet {
+    /// In `contact-sheets/` of a session. A page that a resumed capture goes on with begins empty at the left out places.
+    ///
+    /// # Errors
+    /// The disk's.
+    pub fn new(root: &Path) -> Result<Self> {
+        let folder = root.join("contact-sheets");
+        fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
+        Ok(Self { folder, page: 0, canvas: blank(), changed: false, written: None })
+    }
+
+    /// Adds photograph `number` as codes (0 to 1), with a word on what it shows.
+    ///
+    /// # Errors
+    /// The disk's, where a page is full.
+    pub fn add(&mut self, number: u64, codes: &Image, label: &str) -> Result<()> {
+        let per_page = (GRID.0 * GRID.1) as u64;
+        let page = (number - 1) / per_page + 1;
+        if page != self.page {
+            self.flush()?;
+            (self.page, self.canvas) = (page, blank());
+        }
+        let at = ((number - 1) % per_page) as usize;
+        let corner = ((at % GRID.0) * CELL.0, (at / GRID.0) * (CELL.1 + LINE));
+        let (w, h) = codes.size();
+        // Fits the cell, keeps its shape.
+        let scale = (w as f64 / (CELL.0 - 4) as f64).max(h as f64 / CELL.1 as f64);
+        let size = ((w as f64 / scale) as usize, (h as f64 / scale) as usize);
+        self.canvas.fill(corner, size, |x, y| {
+            let pixel = codes.pixel(((x as f64 * scale) as usize).min(w - 1), ((y as f64 * scale) as usize).min(h - 1));
+            // Codes go to the sheet as they are.
+            Some([0, 1, 2].map(|c| srgb::decode(pixel[c.min(codes.channels() - 1)])))
+        });
+        let room = CELL.0 / Canvas::width_of("0");
+        let text: String = format!("{number} {label}").chars().take(room).collect();
+        self.canvas.text((corner.0, corner.1 + CELL.1 + 2), &text);
+        self.changed = true;
+        if self.written.is_none_or(|at| at.elapsed() >= PAUSE) { self.flush() } else { Ok(()) }
+    }
+
+    /// Writes the page, if it has changed.
+    ///
+    /// # Errors
+    /// The disk's.
+    pub fn flush(&mut self) -> Result<()> {
+        if self.changed {
+            let path = self.folder.join(format!("{:04}.png", self.page));
+            let bytes = encode_png8(self.canvas.picture())?;
+            write_whole(&path, |out| out.write_all(&bytes).map_err(|source| Error::io("write", &path, source)))?;
+            (self.changed, self.written) = (false, Some(Instant::now()));
+        }
+        Ok(())
+    }
+}
+
+fn blank() -> Canvas {
+    Canvas::new(GRID.0 * CELL.0, GRID.1 * (CELL.1 + LINE), [0.02; 3])
+}

@@ -1,0 +1,138 @@
+//! The camera: its black level, its response, and brackets as light.
+
+use relume_core::calibrate::black::{Black, Blacks};
+use relume_core::hdr::{self, Curve, Merged, Merger, Options, RecoveryReport, Survey};
+use relume_core::image::{Image, SampleType};
+use relume_core::{Error, Result};
+
+use super::records::{Records, relative, shot};
+use crate::rigs::{CameraRig, ResponseChoice};
+use crate::session::{Photograph, Role};
+
+/// Photographs that are looked at for the code at which the camera clips.
+const SURVEYED: usize = 12;
+
+/// Makes light of photographs: `E = x / s`, the unit of the camera (1: a photograph of relative exposure 1 is just white).
+#[derive(Debug)]
+pub struct Developer {
+    merger: Merger,
+    /// What the black series says, if there is one.
+    pub black: Option<Black>,
+    /// How the response was recovered, if it was.
+    pub recovery: Option<RecoveryReport>,
+}
+
+impl Developer {
+    /// From the calibration photographs of a session.
+    ///
+    /// # Errors
+    /// No photograph at all; a series that tells nothing, with the reason.
+    pub fn new(records: &Records, camera: &CameraRig) -> Result<Self> {
+        let sample_type = sample_type(records)?;
+        // A first level from codes as they are; a curved response wants the second, through its curve.
+        let first = black(records, Curve::Linear, sample_type)?;
+        let level = first.as_ref().map_or([0.0; 3], |black| black.level);
+        let clip = clip(records, sample_type)?;
+        let (curve, recovery) = curve(records, camera, sample_type, clip, level)?;
+        let black = if curve == Curve::Linear { first } else { black(records, curve.clone(), sample_type)? };
+        let level = black.as_ref().map_or([0.0; 3], |black| black.level);
+        let options = Options { clip, black: level, ..Options::new(curve, sample_type) };
+        Ok(Self { merger: Merger::new(options)?, black, recovery })
+    }
+
+    /// The curve from codes to light.
+    pub fn curve(&self) -> &Curve {
+        &self.merger.options().curve
+    }
+
+    /// A photograph as light.
+    ///
+    /// # Errors
+    /// A file that is gone, changed or no picture.
+    pub fn develop(&self, records: &Records, photograph: &Photograph) -> Result<Merged> {
+        let shots = photograph.frames.iter().map(|frame| shot(photograph, frame)).collect::<Result<Vec<_>>>()?;
+        let mut kept = vec![None; shots.len()];
+        self.merger.merge(&shots, &mut |index| {
+            if kept[index].is_none() {
+                kept[index] = Some(records.codes(photograph, &photograph.frames[index])?.0);
+            }
+            kept[index].clone().ok_or_else(|| Error::invalid("bracket", "no picture", "one"))
+        })
+    }
+
+    /// The picture alone.
+    ///
+    /// # Errors
+    /// As [`Developer::develop`].
+    pub fn picture(&self, records: &Records, photograph: &Photograph) -> Result<Image> {
+        Ok(self.develop(records, photograph)?.image)
+    }
+}
+
+fn sample_type(records: &Records) -> Result<SampleType> {
+    let first = records.of(Role::Sample).next().or_else(|| records.of(Role::Dark).next());
+    let Some(first) = first else {
+        return Err(Error::invalid("the session", "no photograph", "a session that was captured"));
+    };
+    Ok(records.codes(first, &first.frames[0])?.1)
+}
+
+fn black(records: &Records, curve: Curve, sample_type: SampleType) -> Result<Option<Black>> {
+    let mut blacks = Blacks::new(curve, sample_type);
+    let mut any = false;
+    for photograph in records.of(Role::Dark) {
+        for frame in &photograph.frames {
+            let exposure = shot(photograph, frame)?.exposure;
+            blacks.add(&*records.codes(photograph, frame)?.0, exposure)?;
+            any = true;
+        }
+    }
+    if any { blacks.finish().map(Some) } else { Ok(None) }
+}
+
+/// Where codes pile up at the top, in the longest exposures.
+fn clip(records: &Records, sample_type: SampleType) -> Result<[f32; 3]> {
+    let mut survey: Option<Survey> = None;
+    let all: Vec<&Photograph> = records.of(Role::Response).chain(records.of(Role::Preview)).chain(records.of(Role::Sample)).collect();
+    let step = all.len().div_ceil(SURVEYED).max(1);
+    for photograph in all.into_iter().step_by(step) {
+        if let Some(frame) = photograph.frames.last() {
+            let codes = records.codes(photograph, frame)?.0;
+            survey.get_or_insert_with(|| Survey::new(codes.width(), codes.height(), sample_type)).add(&codes, [0; 2]);
+        }
+    }
+    Ok(survey.map_or([f32::INFINITY; 3], |survey| survey.clip().map(|level| level.unwrap_or(f32::INFINITY))))
+}
+
+fn curve(
+    records: &Records,
+    camera: &CameraRig,
+    sample_type: SampleType,
+    clip: [f32; 3],
+    black: [f32; 3],
+) -> Result<(Curve, Option<RecoveryReport>)> {
+    match camera.response {
+        ResponseChoice::Linear => Ok((Curve::Linear, None)),
+        ResponseChoice::Srgb => Ok((Curve::Srgb, None)),
+        ResponseChoice::Recover => {
+            let Some(series) = records.of(Role::Response).last() else {
+                return Err(Error::invalid(
+                    "the camera's response",
+                    "no series of exposures in the session",
+                    "one: capture with response_times_s in the rig file, or say response = \"linear\" there",
+                ));
+            };
+            let mut survey: Option<Survey> = None;
+            let mut exposures = Vec::new();
+            for frame in &series.frames {
+                let codes = records.codes(series, frame)?.0;
+                survey.get_or_insert_with(|| Survey::new(codes.width(), codes.height(), sample_type)).add(&codes, [0; 2]);
+                exposures.push(frame.exposure.as_ref().map_or(1.0, relative));
+            }
+            let samples = survey.map(|survey| survey.samples()).unwrap_or_default();
+            let _ = black;
+            let recovered = hdr::recover(&samples, &exposures, clip, hdr::LAMBDA)?;
+            Ok((Curve::Response(recovered.response), Some(recovered.report)))
+        }
+    }
+}

@@ -1,0 +1,23 @@
+//! From a session to a field: `relume pack`.
+//!
+//! ```text
+//! black series -> dark level --+
+//! exposure series -> response -+-> Developer: frames -> light, per photograph
+//! white ball -> E_j                  |
+//! references -> drift g, movement    v
+//!                          T_j = (photo_j - S_stop) / (g E_j) -> container;   sum_j (photo_j - S) against all lit
+//! ```
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`records`] | which photograph counts for what; files checked against their hashes |
+//! | [`develop`] | black level, response, brackets to light |
+//! | [`lamps`] | irradiances from the white ball |
+//! | [`checks`] | movement, drift, linearity |
+//! | [`stage`] | `T` of a stage |
+
+pub mod checks;
+pub mod develop;
+pub mod lamps;
+pub mod records;
+pub mod stage;

@@ -1,0 +1,320 @@
+//! Rig files: what stands on set, in TOML. Every key is explained in `presets/rigs/virtual-stage.toml`.
+
+use std::path::Path;
+
+use relume_core::files::folder_of;
+use relume_core::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use super::lamps::Lamps;
+use crate::session::one_line;
+
+/// Version of rig files.
+const VERSION: u32 = 1;
+
+/// The three rigs (design: stage 2.3, monitor 6.3, gantry 7.3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Lamps around the object.
+    Stage,
+    /// A screen behind or beside it.
+    Monitor,
+    /// A projector on an arm over a turntable.
+    Gantry,
+}
+
+/// A rig.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RigFile {
+    /// [`VERSION`].
+    pub version: u32,
+    /// For people.
+    pub name: String,
+    /// Which of the tables below counts.
+    pub kind: Kind,
+    /// The camera.
+    pub camera: CameraRig,
+    /// What is measured beside the object.
+    #[serde(default)]
+    pub calibration: CalibrationRig,
+    /// Of a stage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stage: Option<StageRig>,
+    /// What virtual devices show.
+    #[serde(rename = "virtual")]
+    pub simulation: Simulation,
+}
+
+/// A stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StageRig {
+    /// Photograph all lamps of each stop together: the check of linearity (3.2.1).
+    #[serde(default)]
+    pub all_lit: bool,
+    /// Repeat a reference (all lamps of the first stop) every so many samples; 0 never.
+    #[serde(default)]
+    pub reference_every: usize,
+    /// From a stop of the turntable to the next one, settled, seconds.
+    #[serde(default)]
+    pub move_s: f64,
+    /// From a lamp to the next one, seconds.
+    #[serde(default)]
+    pub lamp_s: f64,
+    /// Where lamps stand.
+    pub lamps: Lamps,
+}
+
+/// A camera.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraRig {
+    /// The exposure times of every photograph, seconds. Left out, they are chosen from previews.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub times_s: Option<Vec<f64>>,
+    /// The shortest and the longest time the camera can do.
+    pub limits_s: [f64; 2],
+    /// Chosen times are at most so many stops apart.
+    #[serde(default = "two")]
+    pub step_stops: f64,
+    /// ISO speed.
+    #[serde(default = "hundred")]
+    pub iso: f64,
+    /// F-number.
+    #[serde(default = "eight")]
+    pub f_number: f64,
+    /// What an exposure takes beyond its time: mirror, transfer, storing; seconds.
+    #[serde(default = "second")]
+    pub overhead_s: f64,
+    /// Size of a file, megabytes (for the plan).
+    #[serde(default = "thirty")]
+    pub megabytes: f64,
+    /// How long a busy camera is waited for, seconds.
+    #[serde(default = "thirty")]
+    pub patience_s: f64,
+    /// How codes become light.
+    #[serde(default)]
+    pub response: ResponseChoice,
+}
+
+/// How codes become light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ResponseChoice {
+    /// In proportion.
+    #[default]
+    Linear,
+    /// By the sRGB curve.
+    Srgb,
+    /// By a curve recovered from the session's own series of exposures.
+    Recover,
+}
+
+/// What is measured beside the object.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CalibrationRig {
+    /// Exposure times of the series that tells the camera's response; none: no series.
+    #[serde(default)]
+    pub response_times_s: Vec<f64>,
+    /// Exposure times of black photographs that tell the camera's black level; none: it is taken as zero.
+    #[serde(default)]
+    pub dark_times_s: Vec<f64>,
+    /// Photograph a white ball under every lamp of the first stop: the lamps' irradiances.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub white_ball: Option<WhiteBall>,
+}
+
+/// A white ball in the object's place.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WhiteBall {
+    /// Its reflectance.
+    pub albedo: f64,
+    /// Its middle and radius in the picture, pixels.
+    pub circle_px: [f64; 3],
+}
+
+/// What virtual devices show.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Simulation {
+    /// Columns of the camera.
+    pub width: usize,
+    /// Rows of the camera.
+    pub height: usize,
+    /// Camera rays a pixel.
+    #[serde(default = "sixteen")]
+    pub samples: usize,
+    /// Start of all random numbers.
+    #[serde(default = "one")]
+    pub seed: u64,
+    /// Irradiance of a lamp on a patch that faces it, in the camera's unit: code white is `irradiance / pi * albedo * time * ISO / 100 / N^2 = 1`.
+    pub irradiance: f64,
+    /// Lamps differ by so much, standard deviation, as a share.
+    #[serde(default)]
+    pub spread: f64,
+    /// All lamps change by this share from the first photograph of the scan to the last.
+    #[serde(default)]
+    pub drift: f64,
+    /// Radiance of the surroundings with every lamp off, as a share of `irradiance`.
+    #[serde(default)]
+    pub ambient: f64,
+    /// The sensor.
+    pub sensor: SensorSettings,
+}
+
+/// The curve of a virtual sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SensorResponseChoice {
+    /// Codes in proportion to light.
+    #[default]
+    Linear,
+    /// A gamma and an S-curve, as cameras make pictures.
+    Film,
+}
+
+/// A virtual sensor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorSettings {
+    /// Electrons at white, ISO 100.
+    pub full_well_e: f64,
+    /// Noise of reading, electrons.
+    pub read_e: f64,
+    /// Bits of a code.
+    pub bits: u32,
+    /// Level of black, as a share of white.
+    pub dark: f64,
+    /// Its curve.
+    #[serde(default)]
+    pub response: SensorResponseChoice,
+}
+
+fn one() -> u64 {
+    1
+}
+
+fn sixteen() -> usize {
+    16
+}
+
+fn two() -> f64 {
+    2.0
+}
+
+fn hundred() -> f64 {
+    100.0
+}
+
+fn eight() -> f64 {
+    8.0
+}
+
+fn second() -> f64 {
+    1.0
+}
+
+fn thirty() -> f64 {
+    30.0
+}
+
+impl RigFile {
+    /// Reads and checks a rig file.
+    ///
+    /// # Errors
+    /// Each names the file and the key: unknown keys, numbers that are none, a table that the kind of rig lacks.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|source| Error::io("read", path, source))?;
+        Self::parse(&text, path)
+    }
+
+    /// Parses the text of a rig file; `path` names it in messages, and its folder is where the files it names lie.
+    ///
+    /// # Errors
+    /// As [`RigFile::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
+        let place = path.display().to_string();
+        let mut rig: Self = toml::from_str(text).map_err(|error| {
+            let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].matches('\n').count() + 1);
+            let expected = "a rig file; `presets/rigs/` explains every key";
+            Error::invalid(format!("{place}, line {line}"), one_line(&error), expected)
+        })?;
+        if rig.version != VERSION {
+            let found = format!("version = {}", rig.version);
+            return Err(Error::invalid(place, found, format!("version = {VERSION}; a newer tool reads newer files")));
+        }
+        rig.check(&place)?;
+        if let Some(stage) = &mut rig.stage {
+            stage.lamps = stage.lamps.clone().resolved(folder_of(path))?;
+            stage.lamps.check(&place)?;
+        }
+        Ok(rig)
+    }
+
+    fn check(&self, place: &str) -> Result<()> {
+        let refuse = |key: &str, found: String, expected: &str| {
+            Err(Error::invalid(format!("{place}, {key}"), found, expected.to_owned()))
+        };
+        if self.kind == Kind::Stage && self.stage.is_none() {
+            return refuse("kind", "a stage without a [stage] table".to_owned(), "the table of the kind of rig");
+        }
+        let camera = &self.camera;
+        let [fastest, slowest] = camera.limits_s;
+        if !(fastest > 0.0 && fastest < slowest && slowest.is_finite()) {
+            return refuse("limits_s", format!("{:?}", camera.limits_s), "the shortest and the longest time, seconds");
+        }
+        let lists = [
+            ("times_s", camera.times_s.as_ref()),
+            ("response_times_s", Some(&self.calibration.response_times_s)),
+            ("dark_times_s", Some(&self.calibration.dark_times_s)),
+        ];
+        for (key, times) in lists {
+            let times = times.map_or(&[][..], Vec::as_slice);
+            if let Some(bad) = times.iter().find(|t| !(fastest..=slowest).contains(*t)) {
+                return refuse(key, format!("{bad} s"), "times within limits_s");
+            }
+            if !times.is_sorted_by(|a, b| a < b) {
+                return refuse(key, "times out of order".to_owned(), "short ones first, none twice");
+            }
+        }
+        if camera.times_s.as_ref().is_some_and(Vec::is_empty) {
+            return refuse("times_s", "no time".to_owned(), "at least one, or no such key to choose them by preview");
+        }
+        let positive = [
+            ("step_stops", camera.step_stops, 0.1..=6.0),
+            ("iso", camera.iso, 1.0..=1e7),
+            ("f_number", camera.f_number, 0.1..=1000.0),
+            ("overhead_s", camera.overhead_s, 0.0..=600.0),
+            ("megabytes", camera.megabytes, 0.0..=1e4),
+            ("patience_s", camera.patience_s, 0.0..=3600.0),
+            ("irradiance", self.simulation.irradiance, 1e-9..=1e12),
+            ("spread", self.simulation.spread, 0.0..=0.5),
+            ("drift", self.simulation.drift, -0.9..=9.0),
+            ("ambient", self.simulation.ambient, 0.0..=1e3),
+            ("full_well_e", self.simulation.sensor.full_well_e, 10.0..=1e9),
+            ("read_e", self.simulation.sensor.read_e, 0.0..=1e6),
+            ("dark", self.simulation.sensor.dark, 0.0..=0.5),
+        ];
+        for (key, value, range) in positive {
+            if !range.contains(&value) {
+                return refuse(key, value.to_string(), &format!("a number from {} to {}", range.start(), range.end()));
+            }
+        }
+        let counts = [
+            ("width", self.simulation.width, 1..=65535),
+            ("height", self.simulation.height, 1..=65535),
+            ("samples", self.simulation.samples, 1..=65536),
+            ("bits", self.simulation.sensor.bits as usize, 2..=16),
+        ];
+        for (key, value, range) in counts {
+            if !range.contains(&value) {
+                return refuse(key, value.to_string(), &format!("a whole number from {} to {}", range.start(), range.end()));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,42 @@
+//! Rigs: what emits light conditions.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`Condition`] | what can be asked for |
+//! | [`RigFile`] | a rig as a file says it: `presets/rigs/*.toml` |
+//! | [`Lamps`] | where the lamps of a stage stand, and at which stop of the turntable each is lit |
+//! | [`Rig`] | the trait that devices, real or virtual, are driven through |
+//! | [`virtual_stage`] | a stage whose light is computed |
+
+mod condition;
+mod file;
+mod lamps;
+pub mod virtual_stage;
+
+pub use condition::Condition;
+pub use file::{
+    CameraRig, ResponseChoice, RigFile, SensorResponseChoice, StageRig,
+};
+pub use lamps::Lamps;
+
+use crate::capture::Step;
+use crate::devices::{Finding, Trouble};
+
+/// What emits light. Calls block; while they wait they look at [`crate::progress::check`].
+pub trait Rig {
+    /// Is everything there and ready? Moves nothing, lights nothing.
+    fn preflight(&mut self) -> Vec<Finding>;
+
+    /// Emits the condition of a step: motion complete, settled, lamp or pattern confirmed. Only then returns, so that a
+    /// photograph never shows the condition before.
+    ///
+    /// # Errors
+    /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
+    fn emit(&mut self, step: &Step) -> Result<(), Trouble>;
+
+    /// Lamps off or screen black, motors held. Called at the end, however it comes about.
+    ///
+    /// # Errors
+    /// The operator must switch off by hand.
+    fn dark(&mut self) -> Result<(), Trouble>;
+}
