@@ -15,6 +15,7 @@ mod layer;
 mod light_flags;
 mod lightings;
 mod map;
+mod patterns;
 mod probe;
 mod relight;
 mod surface;
@@ -47,6 +48,8 @@ pub enum Command {
     Lightings(lightings::Arguments),
     /// Turn, blur, clamp, tint, expose, convert or resize a lat-long map (tint and exposure in the output's colours).
     Map(map::Arguments),
+    /// Write the pictures that a screen or projector shows while an object is photographed.
+    Patterns(patterns::Arguments),
     /// Find normals and albedo, and store them as layers.
     Surface(surface::Arguments),
     /// Draw the reflectance functions of some pixels, as sampled and as reconstructed.
@@ -83,6 +86,7 @@ impl Command {
             Command::Animate(arguments) => arguments.run(),
             Command::Lightings(arguments) => arguments.run(),
             Command::Map(arguments) => arguments.run(),
+            Command::Patterns(arguments) => arguments.run(),
             Command::Surface(arguments) => arguments.run(),
             Command::Inspect(arguments) => arguments.run(),
             Command::Calibrate(subject) => subject.run(),

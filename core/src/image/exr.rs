@@ -29,22 +29,27 @@ use super::{ColourSpace, EncodeOptions, Image, Primaries};
 use crate::error::{Error, Result};
 
 /// Blocks decompressed together: enough for every thread, little enough memory.
-const BATCH: usize = 64;
+pub(super) const BATCH: usize = 64;
 
 /// The most that one uncompressed block may claim, 1 GiB; a 16384 x 256 block of 60 float channels fits.
 const MAX_BLOCK_BYTES: usize = 1 << 30;
 
-/// Which part of the file, which of its channels, and where its data window lies in the display window.
-struct Plan {
-    part: usize,
-    /// For each channel of the part: its place in the interleaved pixel.
-    slots: Vec<Option<usize>>,
+/// A part of a file, checked: where its data window lies in the display window, and what its channels hold.
+pub(super) struct Part {
+    index: usize,
     types: Vec<SampleType>,
-    channels: usize,
     width: usize,
     height: usize,
     /// Data window minus display window.
     offset: (i64, i64),
+}
+
+/// Which part of the file, and which of its channels.
+struct Plan {
+    part: Part,
+    /// For each channel of the part: its place in the interleaved pixel.
+    slots: Vec<Option<usize>>,
+    channels: usize,
 }
 
 /// Reads the part [`super::read`] describes, cropped or zero-padded to the display window.
@@ -62,15 +67,14 @@ pub(super) fn read(path: &Path, file: BufReader<File>) -> Result<Stored> {
 pub(super) fn probe_size(path: &Path, file: impl Read + Seek) -> Result<(usize, usize)> {
     caught(path, || {
         let reader = Reader::read_from_buffered(file, false).map_err(|error| failure(path, error))?;
-        let plan = Plan::new(path, reader.meta_data())?;
-        Ok((plan.width, plan.height))
+        Ok(Plan::new(path, reader.meta_data())?.part.size())
     })
 }
 
 /// Turns a panic of the decoder into an error. Damaged files do make `exr` 1.74.2 panic where overflow is checked, as in
 /// debug builds (`compression/b44/mod.rs`, `unpack14`: "attempt to subtract with overflow"; found by the test of
 /// mutated files). What the closure may have left broken, it owned.
-fn caught<T>(path: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn caught<T>(path: &Path, body: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|_| {
         Err(Error::invalid(path.display().to_string(), "data that the decoder gave up on", "a whole OpenEXR file"))
     })
@@ -81,25 +85,43 @@ fn read_unguarded(path: &Path, file: BufReader<File>) -> Result<Stored> {
     let reader = Reader::read_from_buffered(file, false).map_err(failed)?;
     let plan = Plan::new(path, reader.meta_data())?;
     let chunks = reader
-        .filter_chunks(false, |_, tile, block| block.layer == plan.part && tile.level_index == Vec2(0, 0))
+        .filter_chunks(false, |_, tile, block| block.layer == plan.part.index && tile.level_index == Vec2(0, 0))
         .map_err(failed)?;
     let meta = chunks.meta_data().clone();
-    let mut samples = vec![0.0; plan.width * plan.height * plan.channels];
+    let (width, height) = plan.part.size();
+    let mut samples = vec![0.0; width * height * plan.channels];
     let mut chunks = chunks.peekable();
     while chunks.peek().is_some() {
         let batch: Vec<Chunk> = chunks.by_ref().take(BATCH).collect::<Result<_, ExrError>>().map_err(failed)?;
-        batch.iter().try_for_each(|chunk| check_dwa(path, &meta.headers[plan.part], chunk))?;
-        let blocks: Vec<UncompressedBlock> = batch
-            .into_par_iter()
-            .map(|chunk| UncompressedBlock::decompress_chunk(chunk, &meta, false))
-            .collect::<Result<_, ExrError>>()
-            .map_err(failed)?;
-        for block in &blocks {
-            plan.place(path, &meta.headers[plan.part], block, &mut samples)?;
+        for block in &decompressed(path, &meta, batch, |part| part == plan.part.index)? {
+            plan.place(path, &meta.headers[plan.part.index], block, &mut samples)?;
         }
     }
-    let Plan { width, height, channels, .. } = plan;
+    let channels = plan.channels;
     Ok(Stored { width, height, channels, alpha: Alpha::Associated, samples: Samples::F32(samples) })
+}
+
+/// Decompresses blocks on all threads. Those of parts that nobody `asked` for were not checked, and are refused.
+pub(super) fn decompressed(
+    path: &Path,
+    meta: &MetaData,
+    batch: Vec<Chunk>,
+    asked: impl Fn(usize) -> bool,
+) -> Result<Vec<UncompressedBlock>> {
+    for chunk in &batch {
+        match meta.headers.get(chunk.layer_index).filter(|_| asked(chunk.layer_index)) {
+            Some(header) => check_dwa(path, header, chunk)?,
+            // An offset table that lies may lead to the blocks of another part or level.
+            None => return Err(astray(path)),
+        }
+    }
+    let block = |chunk| UncompressedBlock::decompress_chunk(chunk, meta, false);
+    batch.into_par_iter().map(block).collect::<Result<_, ExrError>>().map_err(|error| failure(path, error))
+}
+
+fn astray(path: &Path) -> Error {
+    let found = "an offset table that points to blocks of another part";
+    Error::invalid(path.display().to_string(), found, "a whole OpenEXR file")
 }
 
 impl Plan {
@@ -109,9 +131,27 @@ impl Plan {
             Some(found) => found,
             None => return Err(no_picture(path, meta)),
         };
-        let header = &meta.headers[part];
-        let list = &header.channels.list;
+        let list = &meta.headers[part].channels.list;
         let slots: Vec<_> = list.iter().map(|c| names.iter().position(|n| *n == c.name.to_string())).collect();
+        Ok(Self { part: Part::new(path, meta, part)?, slots, channels: names.len() })
+    }
+
+    /// Copies the lines of a block to where they lie in the display window.
+    fn place(&self, path: &Path, header: &Header, block: &UncompressedBlock, out: &mut [f32]) -> Result<()> {
+        let wanted = |channel: usize| self.slots[channel].is_some();
+        self.part.lines(path, header, block, wanted, |channel, first, values| {
+            let Some(slot) = self.slots[channel] else { return };
+            let pixels = out[first * self.channels + slot..].iter_mut().step_by(self.channels);
+            pixels.zip(values).for_each(|(out, value)| *out = *value);
+        })
+    }
+}
+
+impl Part {
+    /// Checks the sizes and channels of a part before anything is allocated for it.
+    pub(super) fn new(path: &Path, meta: &MetaData, index: usize) -> Result<Self> {
+        let header = &meta.headers[index];
+        let list = &header.channels.list;
         // `exr` 1.74 refuses these itself; a version that does not must not find us copying short lines.
         if let Some(channel) = list.iter().find(|c| c.sampling != Vec2(1, 1)) {
             return Err(unsupported(path, format!("the subsampled channel {}", channel.name)));
@@ -124,35 +164,41 @@ impl Plan {
         let data = header.own_attributes.layer_position;
         let offset =
             (i64::from(data.0) - i64::from(display.position.0), i64::from(data.1) - i64::from(display.position.1));
-        let types = list.iter().map(|c| c.sample_type).collect();
-        Ok(Self { part, slots, types, channels: names.len(), width, height, offset })
+        Ok(Self { index, types: list.iter().map(|c| c.sample_type).collect(), width, height, offset })
     }
 
-    /// Copies the lines of a block to where they lie in the display window.
-    fn place(&self, path: &Path, header: &Header, block: &UncompressedBlock, out: &mut [f32]) -> Result<()> {
-        // An offset table that lies may lead to the blocks of another part or level.
-        if block.index.layer != self.part || block.index.level != Vec2(0, 0) {
-            return Err(Error::invalid(
-                path.display().to_string(),
-                "an offset table that points to blocks of another part",
-                "a whole OpenEXR file",
-            ));
+    /// Width and height of the display window.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Gives the lines of a block that lie in the display window, of the channels that are wanted: the channel, the pixel the
+    /// line begins at (row by row from the top), and its samples.
+    pub(super) fn lines(
+        &self,
+        path: &Path,
+        header: &Header,
+        block: &UncompressedBlock,
+        wanted: impl Fn(usize) -> bool,
+        mut take: impl FnMut(usize, usize, &[f32]),
+    ) -> Result<()> {
+        if block.index.layer != self.index || block.index.level != Vec2(0, 0) {
+            return Err(astray(path));
         }
         let mut values = vec![0.0; block.index.pixel_size.0];
         let mut halves = vec![f16::ZERO; block.index.pixel_size.0];
         for line in block.lines(&header.channels) {
-            let Some(slot) = self.slots[line.location.channel] else { continue };
+            let channel = line.location.channel;
             let y = line.location.position.1 as i64 + self.offset.1;
-            if y < 0 || y >= self.height as i64 {
+            if !wanted(channel) || y < 0 || y >= self.height as i64 {
                 continue;
             }
             let x0 = line.location.position.0 as i64 + self.offset.0;
-            samples_of(line, self.types[line.location.channel], &mut values, &mut halves)
-                .map_err(|error| failure(path, error))?;
+            samples_of(line, self.types[channel], &mut values, &mut halves).map_err(|error| failure(path, error))?;
             let (first, last) = (x0.max(0), (x0 + values.len() as i64).min(self.width as i64));
-            let row = y as usize * self.width;
-            for x in first..last {
-                out[(row + x as usize) * self.channels + slot] = values[(x - x0) as usize];
+            if first < last {
+                let begin = y as usize * self.width + first as usize;
+                take(channel, begin, &values[(first - x0) as usize..(last - x0) as usize]);
             }
         }
         Ok(())
@@ -203,7 +249,7 @@ fn grey_channels(header: &Header) -> Option<Vec<String>> {
     std::iter::once(String::new()).chain(layers).find_map(|layer| with_alpha(&names, &layer, &["Y"]))
 }
 
-fn with_alpha(names: &[String], layer: &str, wanted: &[&str]) -> Option<Vec<String>> {
+pub(super) fn with_alpha(names: &[String], layer: &str, wanted: &[&str]) -> Option<Vec<String>> {
     let mut found: Vec<String> = wanted.iter().map(|channel| format!("{layer}{channel}")).collect();
     if !found.iter().all(|name| names.contains(name)) {
         return None;
@@ -311,13 +357,13 @@ pub(super) fn write(path: &Path, writer: impl Write + Seek, image: &Image, optio
 }
 
 /// Primaries and white as the attribute has them.
-fn chromaticities(space: ColourSpace) -> Chromaticities {
+pub(super) fn chromaticities(space: ColourSpace) -> Chromaticities {
     let Primaries { red, green, blue, white } = space.primaries();
     let [red, green, blue, white] = [red, green, blue, white].map(|[x, y]| Vec2(x as f32, y as f32));
     Chromaticities { red, green, blue, white }
 }
 
-fn failure(path: &Path, error: ExrError) -> Error {
+pub(super) fn failure(path: &Path, error: ExrError) -> Error {
     match error {
         ExrError::Io(source) => Error::io("read", path, source),
         // Their sentences end in "not supported (yet)", and so does ours.

@@ -11,11 +11,15 @@
 //! | `tiff` | TIFF, in and out |
 //! | `stored` | samples as a file holds them -> linear, premultiplied f32 |
 //! | `write` | chooses the type by extension; HDR, PNG and JPEG out |
+//! | [`layers`] | many pictures in one OpenEXR file, in and out |
+//! | `grey` | codes of patterns, out |
 //! | [`srgb`] | the transfer curve |
 //! | `colour` | colour spaces and the matrices between them |
 
 mod colour;
 mod exr;
+mod grey;
+pub mod layers;
 mod raster;
 mod read;
 pub mod srgb;
@@ -24,6 +28,7 @@ mod tiff;
 mod write;
 
 pub use colour::{ColourSpace, Conversion, Primaries};
+pub use grey::write_grey;
 pub use read::{Encoding, SampleType, probe_size, read, read_codes};
 pub use write::{EncodeOptions, check_output, encode_png8, encode_png16, write};
 
