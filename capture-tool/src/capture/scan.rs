@@ -65,8 +65,8 @@ fn calibration(rig: &RigFile, lamps: &Lamps, list: &mut List) {
     }
 }
 
-/// From the shortest to the longest time of the camera.
-fn preview_times(rig: &RigFile) -> Vec<f64> {
+/// The times of previews: from the shortest to the longest of the camera.
+pub fn preview_times(rig: &RigFile) -> Vec<f64> {
     let [fastest, slowest] = rig.camera.limits_s;
     let stops = (slowest / fastest).log2();
     let count = (stops / PREVIEW_STOPS).ceil().max(1.0);

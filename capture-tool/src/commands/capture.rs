@@ -63,7 +63,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N-M", requires = "resume", value_parser = values::numbers)]
     redo: Option<values::Numbers>,
     /// Rehearse a bad day with virtual devices, as in unplug@30: at exposure 30 the camera is unplugged. Kinds: unplug, busy, stuck,
-    /// misread, silent-lamp (at lamp N), full-disk, clock, bump. May be given several times.
+    /// misread, silent-lamp (at lamp N), full-disk, clock, slow, bump. May be given several times.
     #[arg(long, value_name = "KIND@N")]
     rehearse: Vec<Fault>,
     /// Also write the field of a virtual rig without noise, to compare with.

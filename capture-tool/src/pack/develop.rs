@@ -40,6 +40,11 @@ impl Developer {
         Ok(Self { merger: Merger::new(options)?, black, recovery })
     }
 
+    /// What a person should know, a sentence each.
+    pub fn doubts(&self) -> &[String] {
+        self.black.as_ref().map_or(&[], |black| &black.doubts)
+    }
+
     /// The curve from codes to light.
     pub fn curve(&self) -> &Curve {
         &self.merger.options().curve

@@ -16,5 +16,8 @@
 //! | [`checks`] | movement, drift, linearity |
 //! | [`stage`] | `T` of a stage |
 
+pub mod checks;
 pub mod develop;
+pub mod lamps;
 pub mod records;
+pub mod stage;
