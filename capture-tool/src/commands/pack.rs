@@ -6,6 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use relume_core::calibrate::linearity::Compared;
 use relume_core::acquire::{FlatField, ImportLp, Measured};
 use relume_core::domain::lp;
 use relume_core::field::{Access, Asset, Precision};
@@ -245,19 +246,21 @@ fn camera_words(developer: &Developer) -> String {
 }
 
 fn linearity_words(packed: &Packed) -> String {
-    let worst = packed.linearity.iter().max_by(|a, b| a.relative_l2.total_cmp(&b.relative_l2));
-    worst.map_or_else(String::new, |worst| {
+    let error = |compared: &Compared| compared.relative_error.into_iter().fold(0.0, f64::max);
+    let worst = packed.linearity.iter().map(|(stop, compared)| (error(compared), stop + 1));
+    worst.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(String::new, |(worst, stop)| {
         format!(
-            "linearity  all lamps together differ from their sum by at most {:.2} % (stop {} of {} checked)\n",
-            100.0 * worst.relative_l2,
-            worst.stop + 1,
+            "linearity  all lamps of a stop together differ from their sum by at most {:.2} % (stop {stop} of {})\n",
+            100.0 * worst,
             packed.linearity.len()
         )
     })
 }
 
 fn doubts(packed: &Packed) -> Vec<String> {
-    let mut doubts: Vec<String> = packed.linearity.iter().filter_map(|check| check.verdict()).collect();
+    let failed = packed.linearity.iter().filter(|(_, compared)| !compared.passes());
+    let mut doubts: Vec<String> =
+        failed.take(1).map(|(stop, compared)| format!("stop {}: {}", stop + 1, compared.verdict())).collect();
     if packed.lamps < packed.of {
         doubts.push(format!("{} of {} lamps are in the field; the others have no photograph", packed.lamps, packed.of));
     }

@@ -5,13 +5,14 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use relume_core::acquire::Photographs;
+use relume_core::calibrate::linearity::{Compared, Linearity};
 use relume_core::domain::Directions;
 use relume_core::field::{self, BLOCK_HEIGHT, Bands, Contents, Precision};
 use relume_core::files::folder_of;
 use relume_core::image::Image;
 use relume_core::{Error, Result};
 
-use super::checks::{Checks, Linearity};
+use super::checks::Checks;
 use super::develop::Developer;
 use super::lamps::Irradiances;
 use super::records::Records;
@@ -43,8 +44,8 @@ pub struct Packed {
     pub lamps: usize,
     /// Lamps of the rig.
     pub of: usize,
-    /// The check of every stop.
-    pub linearity: Vec<Linearity>,
+    /// The check of every stop that has one, with its number from 0.
+    pub linearity: Vec<(usize, Compared)>,
     /// Share of all pixels and channels that every exposure of their photograph clips.
     pub clipped: f64,
 }
@@ -69,7 +70,7 @@ impl StagePack<'_> {
             let of_stop: Vec<_> = lamps.iter().filter(|(lamp, _)| self.stop_of(*lamp) == stop).copied().collect();
             let black = self.black(stop, size)?;
             ambient.add(&black);
-            let mut sum = Image::new(size.0, size.1, 3);
+            let mut sum = Linearity::new(size.0, size.1);
             // As many at a time as there are threads: their order stays, memory stays bounded.
             for group in of_stop.chunks(rayon::current_num_threads()) {
                 let lit = |(_, p): &(usize, &Photograph)| self.lit(p, &black);
@@ -77,7 +78,7 @@ impl StagePack<'_> {
                 for (picture, (lamp, _)) in pictures.into_iter().zip(group) {
                     let (mut picture, clipped) = picture?;
                     packed.clipped += clipped / lamps.len() as f64;
-                    sum.data_mut().iter_mut().zip(picture.data()).for_each(|(s, v)| *s += v);
+                    sum.add(&picture)?;
                     let per = self.irradiances.rgb(*lamp).map(|e| 1.0 / e);
                     picture.data_mut().chunks_exact_mut(3).for_each(|p| (0..3).for_each(|c| p[c] *= per[c]));
                     photographs.push(picture)?;
@@ -85,7 +86,7 @@ impl StagePack<'_> {
                 progress(photographs.len() as u64, total)?;
             }
             if of_stop.len() == self.stage.lamps.per_stop() {
-                packed.linearity.extend(self.linearity(stop, &sum, &black)?);
+                packed.linearity.extend(self.linearity(stop, &sum, &black)?.map(|compared| (stop, compared)));
             }
         }
         let unit = self.irradiances.unit;
@@ -166,15 +167,16 @@ impl StagePack<'_> {
         Ok((picture, clipped))
     }
 
-    fn linearity(&self, stop: usize, sum: &Image, black: &Image) -> Result<Option<Linearity>> {
+    /// The lamps' sum against all of them together.
+    fn linearity(&self, stop: usize, sum: &Linearity, black: &Image) -> Result<Option<Compared>> {
         let Some(photograph) = self.records.find(Role::AllLit, &Condition::AllLamps { stop }) else { return Ok(None) };
         let (together, _) = self.lit(photograph, black)?;
-        Linearity::of(stop, sum, &together).map(Some)
+        sum.compare(&together).map(Some)
     }
 }
 
 fn clipped_share(report: &relume_core::hdr::Report) -> f64 {
-    report.clipped_everywhere.iter().copied().sum::<f64>() / 3.0
+    report.clipped_everywhere.rgb.iter().sum::<f64>() / 3.0
 }
 
 /// The mean of pictures.
