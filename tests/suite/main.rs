@@ -1,5 +1,6 @@
 //! The one integration test binary.
 
+mod capture;
 mod cli;
 mod cli_sets;
 mod compact;

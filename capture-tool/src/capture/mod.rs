@@ -11,6 +11,7 @@
 //! |---|---|
 //! | [`Step`], [`Sampler`] | what is asked for next, and for what |
 //! | [`scan`] | the conditions of a stage, in order |
+//! | [`patterns`] | the conditions of a screen or a projector |
 //! | [`plan`] | how many photographs, how long, how much disk; what is missing |
 //! | [`run`] | the loop |
 //! | `shoot` | one photograph: emit, expose, store; busy devices are asked again |
@@ -21,6 +22,7 @@
 pub mod contact;
 mod exposures;
 pub mod log;
+pub mod patterns;
 pub mod plan;
 pub mod run;
 pub mod scan;

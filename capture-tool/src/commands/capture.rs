@@ -61,9 +61,9 @@ pub struct Arguments {
     only: Option<Part>,
     /// Photograph these again, by their numbers (on the contact sheet, in the log, in photos/); the new ones count.
     #[arg(long, value_name = "N,N-M", requires = "resume", value_parser = values::numbers)]
-    redo: Option<Vec<u64>>,
+    redo: Option<values::Numbers>,
     /// Rehearse a bad day with virtual devices, as in unplug@30: at exposure 30 the camera is unplugged. Kinds: unplug, busy, stuck,
-    /// misread, silent-lamp (at lamp N), full-disk, clock, bump. May be given several times.
+    /// misread, silent-lamp (at lamp N), full-disk, clock, slow, bump. May be given several times.
     #[arg(long, value_name = "KIND@N")]
     rehearse: Vec<Fault>,
     /// Also write the field of a virtual rig without noise, to compare with.
@@ -104,7 +104,7 @@ impl Arguments {
             max_time: self.max_time,
             max_photos: self.max_photos,
             only_calibration: self.only == Some(Part::Calibration),
-            redo: self.redo.clone().unwrap_or_default(),
+            redo: self.redo.clone().unwrap_or_default().0,
             faults: self.rehearse.clone(),
         };
         let plan_ = Job { rig, steps, limits };

@@ -16,6 +16,7 @@ mod layer;
 mod light_flags;
 mod lightings;
 mod map;
+mod pack;
 mod patterns;
 mod probe;
 mod relight;
@@ -34,6 +35,8 @@ pub enum Command {
     Demo(demo::Arguments),
     /// Photograph an object on a rig: every condition that a field needs, into a session that nothing is lost from.
     Capture(capture::Arguments),
+    /// Make a field of a session: merge, calibrate, correct, check.
+    Pack(pack::Arguments),
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
@@ -83,6 +86,7 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Capture(arguments) => arguments.run(),
+            Command::Pack(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Export(target) => target.run(),
             Command::Hdr(arguments) => arguments.run(),

@@ -130,8 +130,12 @@ pub fn duration(text: &str) -> Result<std::time::Duration, String> {
 /// The most numbers that a list of ranges may name.
 const MOST_NUMBERS: u64 = 1_000_000;
 
+/// A list of numbers.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Numbers(pub Vec<u64>);
+
 /// Numbers from 1 on and ranges of them, with commas between: 37,52-60. Sorted, none twice.
-pub fn numbers(text: &str) -> Result<Vec<u64>, String> {
+pub fn numbers(text: &str) -> Result<Numbers, String> {
     let range = |part: &str| {
         let (from, to) = part.split_once('-').unwrap_or((part, part));
         let number = |text: &str| text.trim().parse::<u64>().ok().filter(|n| *n > 0);
@@ -144,7 +148,7 @@ pub fn numbers(text: &str) -> Result<Vec<u64>, String> {
     let mut numbers: Vec<u64> = ranges.into_iter().flatten().collect();
     numbers.sort_unstable();
     numbers.dedup();
-    Ok(numbers)
+    Ok(Numbers(numbers))
 }
 
 /// How many lamps to keep: a part below one, as 1/4 or 0.25, or a whole number.

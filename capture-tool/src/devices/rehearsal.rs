@@ -21,12 +21,14 @@ pub enum Fault {
     FullDisk(u64),
     /// The clock is put back by a day at exposure N.
     Clock(u64),
+    /// From exposure N on the camera delivers its files slowly, a piece at a time.
+    Slow(u64),
     /// Somebody bumps into the camera: from exposure N on the picture is shifted by two pixels.
     Bump(u64),
 }
 
 /// The kinds, as they are written.
-pub const KINDS: &str = "unplug, busy, stuck, misread, silent-lamp, full-disk, clock or bump";
+pub const KINDS: &str = "unplug, busy, stuck, misread, silent-lamp, full-disk, clock, slow or bump";
 
 impl FromStr for Fault {
     type Err = String;
@@ -43,6 +45,7 @@ impl FromStr for Fault {
             "silent-lamp" => Ok(Fault::SilentLamp(at)),
             "full-disk" => Ok(Fault::FullDisk(at)),
             "clock" => Ok(Fault::Clock(at)),
+            "slow" => Ok(Fault::Slow(at)),
             "bump" => Ok(Fault::Bump(at)),
             _ => Err(wanted()),
         }

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use relume_core::Error;
 use relume_core::image::{Image, encode_png16};
@@ -15,6 +16,9 @@ use crate::session::Exposure;
 
 /// Columns or rows of a thumbnail, at most.
 const THUMBNAIL: usize = 160;
+/// A slow camera delivers a file in so many pieces, with a pause after each.
+const SLOW_PIECES: usize = 10;
+const SLOW_PAUSE: Duration = Duration::from_millis(1);
 /// Answers "busy" in a row, when that is rehearsed.
 const BUSY_CALLS: u64 = 3;
 
@@ -117,7 +121,15 @@ impl Camera for VirtualCamera {
             return Err(fail(std::io::Error::from(std::io::ErrorKind::StorageFull)));
         }
         let bytes = encode_png16(codes.width, codes.height, &codes.data)?;
-        File::create(&path).and_then(|mut file| file.write_all(&bytes)).map_err(fail)?;
+        let slow = self.faults.iter().any(|f| matches!(f, Fault::Slow(at) if self.count >= *at));
+        let piece = if slow { bytes.len().div_ceil(SLOW_PIECES) } else { bytes.len() };
+        let mut file = File::create(&path).map_err(fail)?;
+        for piece in bytes.chunks(piece.max(1)) {
+            file.write_all(piece).map_err(fail)?;
+            if slow {
+                std::thread::sleep(SLOW_PAUSE);
+            }
+        }
         Ok(Delivered { files: vec![path.clone()], thumbnail: Some(thumbnail(&codes)) })
     }
 }

@@ -1,11 +1,11 @@
 //! The camera: its black level, its response, and brackets as light.
 
 use relume_core::calibrate::black::{Black, Blacks};
-use relume_core::hdr::{self, Curve, Merged, Merger, Options, RecoveryReport, Survey};
+use relume_core::hdr::{self, Curve, Known, Merged, Merger, Noise, Options, Patches, Recovered, RecoveryReport, Survey};
 use relume_core::image::{Image, SampleType};
 use relume_core::{Error, Result};
 
-use super::records::{Records, relative, shot};
+use super::records::{Records, shot};
 use crate::rigs::{CameraRig, ResponseChoice};
 use crate::session::{Photograph, Role};
 
@@ -38,6 +38,11 @@ impl Developer {
         let level = black.as_ref().map_or([0.0; 3], |black| black.level);
         let options = Options { clip, black: level, ..Options::new(curve, sample_type) };
         Ok(Self { merger: Merger::new(options)?, black, recovery })
+    }
+
+    /// What a person should know, a sentence each.
+    pub fn doubts(&self) -> &[String] {
+        self.black.as_ref().map_or(&[], |black| &black.doubts)
     }
 
     /// The curve from codes to light.
@@ -122,17 +127,41 @@ fn curve(
                     "one: capture with response_times_s in the rig file, or say response = \"linear\" there",
                 ));
             };
-            let mut survey: Option<Survey> = None;
-            let mut exposures = Vec::new();
-            for frame in &series.frames {
-                let codes = records.codes(series, frame)?.0;
-                survey.get_or_insert_with(|| Survey::new(codes.width(), codes.height(), sample_type)).add(&codes, [0; 2]);
-                exposures.push(frame.exposure.as_ref().map_or(1.0, relative));
-            }
-            let samples = survey.map(|survey| survey.samples()).unwrap_or_default();
-            let _ = black;
-            let recovered = hdr::recover(&samples, &exposures, clip, hdr::LAMBDA)?;
+            let recovered = match sample_type {
+                SampleType::U16 => recover_deep(records, series, clip, black)?,
+                _ => recover_shallow(records, series, clip, sample_type)?,
+            };
             Ok((Curve::Response(recovered.response), Some(recovered.report)))
         }
     }
+}
+
+/// From codes of more than 8 bits.
+fn recover_deep(records: &Records, series: &Photograph, clip: [f32; 3], black: [f32; 3]) -> Result<Recovered> {
+    let shots = series.frames.iter().map(|frame| shot(series, frame)).collect::<Result<Vec<_>>>()?;
+    let mut patches: Option<Patches> = None;
+    for frame in &series.frames {
+        let codes = records.codes(series, frame)?.0;
+        patches.get_or_insert_with(|| Patches::new(codes.width(), codes.height())).add(&codes, [0; 2]);
+    }
+    let samples = patches.map(|patches| patches.samples()).unwrap_or_default();
+    hdr::recover_deep(&samples, &Known { shots: &shots, clip, black, noise: Noise::default() })
+}
+
+/// From codes of 8 bits.
+fn recover_shallow(
+    records: &Records,
+    series: &Photograph,
+    clip: [f32; 3],
+    sample_type: SampleType,
+) -> Result<Recovered> {
+    let mut survey: Option<Survey> = None;
+    let mut exposures = Vec::new();
+    for frame in &series.frames {
+        let codes = records.codes(series, frame)?.0;
+        survey.get_or_insert_with(|| Survey::new(codes.width(), codes.height(), sample_type)).add(&codes, [0; 2]);
+        exposures.push(shot(series, frame)?.exposure);
+    }
+    let samples = survey.map(|survey| survey.samples()).unwrap_or_default();
+    hdr::recover(&samples, &exposures, clip, hdr::LAMBDA)
 }

@@ -44,6 +44,11 @@ impl Records {
         self.photographs.iter().filter(move |p| p.role == role)
     }
 
+    /// All, in the order of the plan.
+    pub fn all(&self) -> impl Iterator<Item = &Photograph> {
+        self.photographs.iter()
+    }
+
     /// The one of a role that shows a condition.
     pub fn find(&self, role: Role, condition: &Condition) -> Option<&Photograph> {
         self.of(role).find(|p| p.condition == *condition)

@@ -42,6 +42,12 @@ pub struct RigFile {
     /// Of a stage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stage: Option<StageRig>,
+    /// Of a monitor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub monitor: Option<MonitorRig>,
+    /// Of a gantry.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gantry: Option<GantryRig>,
     /// What virtual devices show.
     #[serde(rename = "virtual")]
     pub simulation: Simulation,
@@ -65,6 +71,68 @@ pub struct StageRig {
     pub lamp_s: f64,
     /// Where lamps stand.
     pub lamps: Lamps,
+}
+
+/// A screen behind or beside the object (6.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MonitorRig {
+    /// Texels of the patterns.
+    pub columns: usize,
+    /// Texels of the patterns.
+    pub rows: usize,
+    /// From a pattern to the next one, panel lag included, seconds.
+    #[serde(default)]
+    pub settle_s: f64,
+    /// What the screen makes of codes.
+    #[serde(default)]
+    pub curve: EmitterChoice,
+    /// Patterns of wavelet noise (sampler `noise`).
+    #[serde(default = "noise_count")]
+    pub noise: usize,
+    /// Wavelet of the patterns: haar, 5/3 or 9/7.
+    #[serde(default = "haar")]
+    pub wavelet: String,
+    /// Squares along each side of the screen (sampler `scan`).
+    #[serde(default = "sixteen")]
+    pub squares: usize,
+}
+
+/// A projector on an arm over a turntable (7.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GantryRig {
+    /// Squares along each side of the projector's picture.
+    pub squares: usize,
+    /// Of the separable scheme: every so many squares of a row or column are lit together.
+    #[serde(default = "four")]
+    pub influence: usize,
+    /// From the object to the projector, scene units.
+    pub distance: f64,
+    /// Width of the projector's picture, degrees.
+    pub view_deg: f64,
+    /// From a position to the next one, settled, seconds.
+    #[serde(default)]
+    pub move_s: f64,
+    /// From a pattern to the next one, seconds.
+    #[serde(default)]
+    pub settle_s: f64,
+    /// What the projector makes of codes.
+    #[serde(default)]
+    pub curve: EmitterChoice,
+    /// Where the projector goes.
+    pub positions: Lamps,
+}
+
+/// What an emitter makes of codes, as far as it is known before it is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EmitterChoice {
+    /// Light in proportion.
+    Linear,
+    /// The sRGB curve.
+    #[default]
+    Srgb,
 }
 
 /// A camera.
@@ -122,6 +190,10 @@ pub struct CalibrationRig {
     /// Exposure times of black photographs that tell the camera's black level; none: it is taken as zero.
     #[serde(default)]
     pub dark_times_s: Vec<f64>,
+    /// Pattern sets of a screen or projector: `ramp` (its curve), `gray-code` and `stripes` (which texel a pixel sees, the
+    /// matte).
+    #[serde(default)]
+    pub patterns: Vec<String>,
     /// Photograph a white ball under every lamp of the first stop: the lamps' irradiances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white_ball: Option<WhiteBall>,
@@ -133,8 +205,9 @@ pub struct CalibrationRig {
 pub struct WhiteBall {
     /// Its reflectance.
     pub albedo: f64,
-    /// Its middle and radius in the picture, pixels.
-    pub circle_px: [f64; 3],
+    /// Its middle and radius in the picture, pixels; left out, its outline is found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub circle_px: Option<[f64; 3]>,
 }
 
 /// What virtual devices show.
@@ -202,6 +275,18 @@ fn sixteen() -> usize {
     16
 }
 
+fn four() -> usize {
+    4
+}
+
+fn noise_count() -> usize {
+    256
+}
+
+fn haar() -> String {
+    "haar".to_owned()
+}
+
 fn two() -> f64 {
     2.0
 }
@@ -248,9 +333,11 @@ impl RigFile {
             return Err(Error::invalid(place, found, format!("version = {VERSION}; a newer tool reads newer files")));
         }
         rig.check(&place)?;
-        if let Some(stage) = &mut rig.stage {
-            stage.lamps = stage.lamps.clone().resolved(folder_of(path))?;
-            stage.lamps.check(&place)?;
+        let stage = rig.stage.as_mut().map(|stage| (&mut stage.lamps, "[stage.lamps]"));
+        let gantry = rig.gantry.as_mut().map(|gantry| (&mut gantry.positions, "[gantry.positions]"));
+        if let Some((lamps, table)) = stage.or(gantry) {
+            *lamps = lamps.clone().resolved(folder_of(path))?;
+            lamps.check(&format!("{place}, {table}"))?;
         }
         Ok(rig)
     }
@@ -259,9 +346,22 @@ impl RigFile {
         let refuse = |key: &str, found: String, expected: &str| {
             Err(Error::invalid(format!("{place}, {key}"), found, expected.to_owned()))
         };
-        if self.kind == Kind::Stage && self.stage.is_none() {
-            return refuse("kind", "a stage without a [stage] table".to_owned(), "the table of the kind of rig");
+        let tables = [
+            (Kind::Stage, "stage", self.stage.is_some()),
+            (Kind::Monitor, "monitor", self.monitor.is_some()),
+            (Kind::Gantry, "gantry", self.gantry.is_some()),
+        ];
+        for (kind, name, there) in tables {
+            if there != (kind == self.kind) {
+                let (found, expected) = if there {
+                    (format!("a [{name}] table in a rig of another kind"), "the table of its kind alone")
+                } else {
+                    (format!("no [{name}] table"), "the table of its kind")
+                };
+                return refuse("kind", found, expected);
+            }
         }
+        self.check_emitter(place)?;
         let camera = &self.camera;
         let [fastest, slowest] = camera.limits_s;
         if !(fastest > 0.0 && fastest < slowest && slowest.is_finite()) {
@@ -316,5 +416,41 @@ impl RigFile {
             }
         }
         Ok(())
+    }
+
+    /// Screens and projectors.
+    fn check_emitter(&self, place: &str) -> Result<()> {
+        let refuse = |key: &str, found: String, expected: String| {
+            Err(Error::invalid(format!("{place}, {key}"), found, expected))
+        };
+        let known = ["ramp", "gray-code", "stripes"];
+        if let Some(wrong) = self.calibration.patterns.iter().find(|name| !known.contains(&name.as_str())) {
+            return refuse("patterns", format!("`{wrong}`"), known.join(", "));
+        }
+        let mut counts = Vec::new();
+        if let Some(monitor) = &self.monitor {
+            counts.extend([
+                ("columns", monitor.columns, 2..=4096),
+                ("rows", monitor.rows, 2..=4096),
+                ("noise", monitor.noise, 1..=100_000),
+                ("squares", monitor.squares, 1..=256),
+            ]);
+            if monitor.wavelet.parse::<relume_core::wavelet::Wavelet>().is_err() {
+                return refuse("wavelet", format!("`{}`", monitor.wavelet), "haar, 5/3 or 9/7".to_owned());
+            }
+        }
+        if let Some(gantry) = &self.gantry {
+            counts.extend([("squares", gantry.squares, 1..=256), ("influence", gantry.influence, 1..=256)]);
+            let numbers = [("distance", gantry.distance, 0.1..=1e4), ("view_deg", gantry.view_deg, 0.1..=170.0)];
+            if let Some((key, value, range)) = numbers.into_iter().find(|(_, value, range)| !range.contains(value)) {
+                return refuse(key, value.to_string(), format!("a number from {} to {}", range.start(), range.end()));
+            }
+        }
+        match counts.into_iter().find(|(_, value, range)| !range.contains(value)) {
+            None => Ok(()),
+            Some((key, value, range)) => {
+                refuse(key, value.to_string(), format!("a whole number from {} to {}", range.start(), range.end()))
+            }
+        }
     }
 }

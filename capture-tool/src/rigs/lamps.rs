@@ -75,7 +75,7 @@ impl Lamps {
     /// # Errors
     /// No lamps, too many, angles that are none.
     pub fn check(&self, place: &str) -> Result<()> {
-        let place = format!("{place}, [stage.lamps]");
+        let place = place.to_owned();
         if let Lamps::Rings { rings } = self
             && let Some(ring) = rings.iter().find(|r| r.elevation_deg.abs() > 90.0 || !r.first_deg.is_finite())
         {

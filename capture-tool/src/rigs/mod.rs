@@ -15,7 +15,7 @@ pub mod virtual_stage;
 
 pub use condition::Condition;
 pub use file::{
-    CameraRig, ResponseChoice, RigFile, SensorResponseChoice, StageRig,
+    CameraRig, EmitterChoice, GantryRig, Kind, MonitorRig, ResponseChoice, RigFile, SensorResponseChoice, StageRig,
 };
 pub use lamps::Lamps;
 

@@ -14,7 +14,7 @@ use relume_core::field::{self, Access, Asset, Contents, Precision};
 use relume_core::image::{Image, Window as Rectangle};
 use relume_core::math::Vec3;
 use relume_core::relight::{Weights, apply};
-use relume_core::simulate::{Ball, Camera, Quality, Scene, Stage, classes, white_ball};
+use relume_core::simulate::{Camera, FarLamp, Quality, Scene, Stage, WhiteBall, classes};
 use relume_core::{Error, Result};
 
 use super::{Condition, Lamps, Rig, RigFile, StageRig};
@@ -23,6 +23,8 @@ use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{View, Window};
 use crate::devices::{Finding, Trouble};
 
+/// Radius of the white ball in scene units: most of the picture's height.
+const BALL_RADIUS: f32 = 1.0;
 /// How far a rehearsed bump shifts the picture, pixels.
 pub const BUMP_PX: f32 = 2.0;
 
@@ -102,10 +104,9 @@ impl VirtualStage {
             Condition::WhiteBall(lamp) => {
                 let setting = self.rig.calibration.white_ball.as_ref();
                 let setting = setting.ok_or_else(|| Error::invalid("rig", "no white ball", "one"))?;
-                let [x, y, radius] = setting.circle_px;
-                let ball = Ball { centre: [x, y], radius };
-                let size = (self.rig.simulation.width, self.rig.simulation.height);
-                Ok(white_ball(size, ball, setting.albedo, &self.directions[*lamp], bulb(*lamp).map(f64::from)))
+                let ball = WhiteBall { radius: BALL_RADIUS, albedo: [setting.albedo as f32; 3] };
+                let camera = Camera::demo(self.rig.simulation.width, self.rig.simulation.height);
+                Ok(ball.photograph(&camera, &FarLamp { direction: self.directions[*lamp], irradiance: bulb(*lamp) }))
             }
             Condition::Black { .. } => Ok(Image::new(self.ambient.width(), self.ambient.height(), 3)),
             other => Err(Error::invalid("virtual stage", other.to_string(), "a lamp, all lamps, black or a white ball")),

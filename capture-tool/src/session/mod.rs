@@ -34,6 +34,6 @@ pub mod staging;
 #[cfg(test)]
 mod tests;
 
-pub use description::{CaptureDescription, Description, ImportDescription, SESSION_VERSION, Source};
+pub use description::{CaptureDescription, Description, ImportDescription, Source, one_line};
 pub use folder::{PhotoFolder, Session, file_hash, photographs};
 pub use journal::{Exposure, Frame, Journal, Line, Photograph, Role};

@@ -127,6 +127,14 @@ pub fn fit(photograph: &Image, corners: [Point; 4], place: &str) -> Result<Chart
     Ok(ChartFit { correction, exposure, differences })
 }
 
+/// The published reflectances in linear Rec.709, row by row from dark skin; some lie a little outside 0 to 1, the gamut.
+pub fn reflectances() -> [[f32; 3]; 24] {
+    PATCHES.map(|(_, lab)| {
+        let colour = rec709(lab);
+        std::array::from_fn(|c| colour[c] as f32)
+    })
+}
+
 /// Linear Rec.709 of a published colour.
 fn rec709([l, a, b]: [f64; 3]) -> Vector3<f64> {
     let fy = (l + 16.0) / 116.0;

@@ -30,7 +30,7 @@ mod write;
 pub use colour::{ColourSpace, Conversion, Primaries};
 pub use grey::write_grey;
 pub use read::{Encoding, SampleType, probe_size, read, read_codes};
-pub use write::{EncodeOptions, check_output, encode_png8, write};
+pub use write::{EncodeOptions, check_output, encode_png8, encode_png16, write};
 
 use crate::error::{Error, Result};
 

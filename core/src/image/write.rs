@@ -83,6 +83,25 @@ pub fn encode_png8(image: &Image) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
+/// A 16-bit RGB PNG in memory, of codes as they are: `codes[(y * width + x) * 3 + c]`, row 0 at the top. Compression is of the
+/// fast kind: photographs are written one after another, and sensor noise cannot be packed anyway.
+///
+/// # Errors
+/// An empty picture, and codes that do not fill its size.
+pub fn encode_png16(width: usize, height: usize, codes: &[u16]) -> Result<Vec<u8>> {
+    let place = Path::new("photograph");
+    check_size(place, width, height)?;
+    if codes.len() != width * height * 3 {
+        let found = format!("{} codes", codes.len());
+        return Err(Error::invalid("photograph", found, format!("{width} x {height} x 3")));
+    }
+    let mut bytes = Vec::with_capacity(codes.len() * 2 + 1024);
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Fast, FilterType::Up)
+        .write_image(bytemuck::cast_slice(codes), width as u32, height as u32, ExtendedColorType::Rgb16)
+        .map_err(|error| failure(place, error))?;
+    Ok(bytes)
+}
+
 fn file_type(path: &Path) -> Result<FileType> {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     match extension.as_str() {

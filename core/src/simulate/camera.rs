@@ -29,4 +29,16 @@ impl Camera {
         let up = (0.5 * self.height as f32 - y) * scale;
         Ray { origin: V3::new(0.0, 0.0, self.distance), direction: V3::new(right, up, -1.0).normalize() }
     }
+
+    /// From the pinhole to the picture, in pixels.
+    pub fn focal_px(&self) -> f64 {
+        0.5 * self.height as f64 / (0.5 * f64::from(self.view_rad)).tan()
+    }
+
+    /// Where a point before the camera appears, in pixels: the inverse of the ray through a pixel.
+    pub fn project(&self, point: &V3) -> [f64; 2] {
+        let p = point.cast::<f64>();
+        let scale = self.focal_px() / (f64::from(self.distance) - p.z);
+        [0.5 * self.width as f64 + p.x * scale, 0.5 * self.height as f64 - p.y * scale]
+    }
 }

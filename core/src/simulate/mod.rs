@@ -7,6 +7,8 @@
 //! | [`Stage`], [`StageBands`] | light collected by lamp cell: `T`, band by band |
 //! | [`truth`] | light collected from maps: the picture itself |
 //! | [`lights`] | sky, window and strip as maps |
+//! | [`Sensor`] | the camera's codes: response, noise, quantisation |
+//! | [`WhiteBall`], [`Card`] | calibration targets, in closed form |
 //! | [`classes`] | what each pixel shows first, and coverage |
 //!
 //! Every lamp of the stage is a distant light of uniform radiance that fills its Voronoi cell, so that
@@ -28,8 +30,10 @@ pub mod lights;
 mod material;
 mod sampling;
 mod scene;
+mod sensor;
 mod shape;
 mod stage;
+mod targets;
 #[cfg(test)]
 mod tests;
 mod tracer;
@@ -40,8 +44,10 @@ pub use classes::{Class, ClassMap, classes};
 pub use demo::{demo_lamps, grid_lamps};
 pub use material::Material;
 pub use scene::{Object, Scene};
+pub use sensor::{Codes, Sensor, SensorResponse};
 pub use shape::Shape;
 pub use stage::{Quality, Stage, StageBands};
+pub use targets::{Card, FarLamp, WhiteBall};
 pub use truth::truth;
 
 /// Positions and directions of the tracer, in the stage frame; lengths in scene units.

@@ -1,0 +1,116 @@
+//! The conditions of a screen (6.3) and of a projector (7.3), in order: calibration, then for each position the black
+//! photograph, which is subtracted (7.3), the white one, and the patterns.
+
+use std::collections::BTreeMap;
+
+use relume_core::domain::Plane;
+use relume_core::domain::patterns::{Kind, Noise, PatternSet};
+use relume_core::{Error, Result};
+
+use super::{Step, Times};
+use crate::rigs::{Condition, GantryRig, MonitorRig, RigFile};
+use crate::session::Role;
+
+/// Pattern sets by name, as conditions call them.
+pub type Sets = BTreeMap<String, PatternSet>;
+
+/// Which patterns make the samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Samples {
+    /// One square after another.
+    Squares,
+    /// Wavelet noise (6.7).
+    Noise,
+    /// Horizontal and vertical sets of squares (7.5).
+    Crossed,
+}
+
+impl Samples {
+    /// The name of the set.
+    pub fn set(self) -> &'static str {
+        match self {
+            Samples::Squares => "squares",
+            Samples::Noise => "noise",
+            Samples::Crossed => "hv",
+        }
+    }
+}
+
+/// The sets that a rig shows.
+///
+/// # Errors
+/// Sizes that do not go together.
+pub fn sets(rig: &RigFile, samples: Samples, seed: u64) -> Result<Sets> {
+    let (plane, squares, influence) = match (&rig.monitor, &rig.gantry) {
+        (Some(MonitorRig { columns, rows, squares, .. }), _) => (Plane::new(*columns, *rows)?, *squares, 1),
+        (None, Some(GantryRig { squares, influence, .. })) => (Plane::new(*squares, *squares)?, *squares, *influence),
+        (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
+    };
+    let mut sets = Sets::new();
+    let kind = match samples {
+        Samples::Squares => Kind::Squares { side: squares },
+        Samples::Crossed => Kind::Crossed { side: squares, influence },
+        Samples::Noise => {
+            let (count, wavelet) = rig.monitor.as_ref().map_or((0, "haar"), |m| (m.noise, m.wavelet.as_str()));
+            Kind::Noise(Noise { wavelet: wavelet.parse()?, count, seed, deviation: Noise::DEVIATION })
+        }
+    };
+    sets.insert(samples.set().to_owned(), PatternSet::new(kind, plane)?);
+    for name in &rig.calibration.patterns {
+        let kind = match name.as_str() {
+            "ramp" => Kind::Ramp,
+            "gray-code" => Kind::GrayCode,
+            _ => Kind::Stripes(None),
+        };
+        sets.insert(name.clone(), PatternSet::new(kind, plane)?);
+    }
+    Ok(sets)
+}
+
+/// The steps of a screen or a projector.
+pub fn steps(rig: &RigFile, sets: &Sets, samples: Samples) -> Vec<Step> {
+    let positions = rig.gantry.as_ref().map_or(1, |gantry| gantry.positions.count());
+    let mut steps: Vec<Step> = Vec::new();
+    let mut scanned = 0;
+    let mut add = |condition: Condition, role: Role, times: Times| {
+        steps.push(Step { index: steps.len() as u64, condition, role, times, scanned });
+        scanned += u64::from(role == Role::Sample);
+    };
+    let usual = || Times::Series { of: Role::Sample, factor: 1.0 };
+    if !rig.calibration.dark_times_s.is_empty() {
+        add(Condition::Black { stop: 0 }, Role::Dark, Times::Fixed(rig.calibration.dark_times_s.clone()));
+    }
+    if !rig.calibration.response_times_s.is_empty() {
+        add(Condition::White { stop: 0 }, Role::Response, Times::Fixed(rig.calibration.response_times_s.clone()));
+    }
+    if rig.camera.times_s.is_none() {
+        for condition in previews(sets, samples, positions) {
+            add(condition, Role::Preview, Times::Fixed(super::scan::preview_times(rig)));
+        }
+    }
+    for name in &rig.calibration.patterns {
+        let count = sets.get(name).map_or(0, PatternSet::len);
+        for number in 0..count {
+            add(Condition::Pattern { set: name.clone(), number, stop: 0 }, Role::Calibration, usual());
+        }
+    }
+    let count = sets.get(samples.set()).map_or(0, PatternSet::len);
+    for stop in 0..positions {
+        add(Condition::Black { stop }, Role::Black, usual());
+        add(Condition::White { stop }, Role::AllLit, usual());
+        for number in 0..count {
+            let set = samples.set().to_owned();
+            add(Condition::Pattern { set, number, stop }, Role::Sample, usual());
+        }
+    }
+    steps
+}
+
+/// White, the brightest; and patterns in the middle of the set, from several positions.
+fn previews(sets: &Sets, samples: Samples, positions: usize) -> Vec<Condition> {
+    let middle = sets.get(samples.set()).map_or(0, |set| set.len() / 2);
+    let mut stops = vec![0, positions / 3, 2 * positions / 3];
+    stops.dedup();
+    let pattern = |stop: usize| Condition::Pattern { set: samples.set().to_owned(), number: middle, stop };
+    stops.into_iter().flat_map(|stop| [Condition::White { stop }, pattern(stop)]).collect()
+}

@@ -1,0 +1,274 @@
+//! `relume pack`: a session -> a field.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use relume_core::calibrate::linearity::Compared;
+use relume_core::acquire::{FlatField, ImportLp, Measured};
+use relume_core::domain::lp;
+use relume_core::field::{Access, Asset, Precision};
+use relume_core::files::{check_folder, write_whole};
+use relume_core::hdr::Curve;
+use relume_core::image::{ColourSpace, EncodeOptions, Encoding, write};
+use relume_core::{Error, Result as CoreResult};
+
+use super::info::Info;
+use super::note;
+use crate::new_folder::{self, NewFolder};
+use crate::pack::checks::Checks;
+use crate::pack::develop::Developer;
+use crate::pack::lamps::Irradiances;
+use crate::pack::records::Records;
+use crate::pack::stage::{Packed, StagePack};
+use crate::progress::{Progress, Unit};
+use crate::rigs::StageRig;
+use crate::session::staging::LIGHTS;
+use crate::session::{CaptureDescription, Description, ImportDescription, Role, Source};
+
+const EXAMPLES: &str = "\
+Examples:
+  relume pack vase -o vase.rfield
+  relume pack vase -o vase.rfield --partial
+  relume pack vase --merged vase-light
+
+Brackets are merged with the camera's response and black level, the ambient light is subtracted, drift of the lamps is corrected,
+and each photograph is divided by what its lamp gives a patch facing it. What was found stands in the session's calibration/.
+The photographs stay as they are: pack again as often as you like.";
+
+/// Raw flags.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct Arguments {
+    /// The session folder.
+    session: PathBuf,
+    #[command(flatten)]
+    target: Target,
+    /// Leave out lamps that have no photograph.
+    #[arg(long)]
+    partial: bool,
+    /// How the field is stored: 16-bit or 32-bit floats.
+    #[arg(long, value_enum, default_value_t = PrecisionChoice::Half)]
+    precision: PrecisionChoice,
+}
+
+/// Where to: at least one.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = true)]
+struct Target {
+    /// The .rfield file to write.
+    #[arg(short, long, value_name = "A.rfield")]
+    output: Option<PathBuf>,
+    /// A new folder for the merged photographs as EXR, linear light, the ambient light still in them.
+    #[arg(long, value_name = "DIR")]
+    merged: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum PrecisionChoice {
+    Half,
+    Float,
+}
+
+impl PrecisionChoice {
+    fn precision(self) -> Precision {
+        match self {
+            Self::Half => Precision::Half,
+            Self::Float => Precision::Float,
+        }
+    }
+}
+
+impl Arguments {
+    /// Packs.
+    ///
+    /// # Errors
+    /// No session, one that is not complete, files that are gone or changed, no room.
+    pub fn run(self) -> anyhow::Result<String> {
+        if let Some(output) = &self.target.output {
+            check_folder(output)?;
+        }
+        if let Some(folder) = &self.target.merged {
+            new_folder::check(folder)?;
+        }
+        let description = Description::read(&self.session)?;
+        match &description.source {
+            Source::Capture(capture) => self.captured(capture, &description),
+            Source::Import(import) => self.imported(import),
+        }
+    }
+
+    fn captured(&self, capture: &CaptureDescription, description: &Description) -> anyhow::Result<String> {
+        let records = Records::read(&self.session)?;
+        let developer = Developer::new(&records, &capture.rig.camera)?;
+        let mut report = camera_words(&developer);
+        if let Some(folder) = &self.target.merged {
+            report += &self.merge_all(&records, &developer, folder)?;
+        }
+        let Some(output) = &self.target.output else { return Ok(report) };
+        let Some(stage) = &capture.rig.stage else {
+            return Err(Error::Unsupported {
+                place: self.session.display().to_string(),
+                what: format!("a field of {} patterns", capture.sampler),
+                advice: "this version solves stages; --merged DIR writes the photographs as light".to_owned(),
+            }
+            .into());
+        };
+        let irradiances = Irradiances::new(&records, &developer, &capture.rig, stage)?;
+        let checks = Checks::new(&records, &developer)?;
+        let job = StagePack {
+            records: &records,
+            stage,
+            developer: &developer,
+            irradiances: &irradiances,
+            checks: &checks,
+            partial: self.partial,
+            precision: self.precision.precision(),
+        };
+        let provenance = serde_json::json!({
+            "source": "capture",
+            "rig": capture.rig.name,
+            "session": self.session.file_name().map(|name| name.to_string_lossy()),
+            "begun": description.begun,
+            "sampler": capture.sampler,
+            "seed": capture.seed,
+            "photographs": records.of(Role::Sample).count(),
+            "response": format!("{:?}", capture.rig.camera.response).to_lowercase(),
+            "irradiances_measured": irradiances.measured,
+            "drift_corrected": checks.corrects(),
+        });
+        let mut progress = Progress::new("packing", Unit::Steps);
+        let packed = job.write(output, provenance, &mut |done, all| progress.step(done, all))?;
+        drop(progress);
+        report += &irradiances.words();
+        report += &checks.words();
+        report += &linearity_words(&packed);
+        let doubts = irradiances.doubts.iter().chain(developer.doubts()).cloned().chain(checks.doubts()).chain(doubts(&packed));
+        doubts.for_each(|doubt| note(&doubt));
+        if let Err(error) = self.keep(stage, &developer, &irradiances, &report) {
+            note(&format!("what was found could not be written into the session: {error}"));
+        }
+        let asset = Asset::open(output, Access::Read)?;
+        Ok(format!("{}\n{report}", Info::of(&asset).summary()))
+    }
+
+    /// All samples as light.
+    fn merge_all(&self, records: &Records, developer: &Developer, folder: &Path) -> anyhow::Result<String> {
+        let new = NewFolder::begin(folder)?;
+        let mut progress = Progress::new("merging", Unit::Steps);
+        let all: Vec<_> = records.all().filter(|p| !matches!(p.role, Role::Dark | Role::Response)).collect();
+        for (photograph, done) in all.iter().zip(0..) {
+            progress.step(done, all.len() as u64)?;
+            let words = photograph.condition.to_string().replace([' ', ',', '/'], "-").replace("--", "-");
+            let path = new.path().join(format!("{:06}-{words}.exr", photograph.number));
+            write(&path, &developer.picture(records, photograph)?, EncodeOptions { half: true, ..Default::default() })?;
+        }
+        drop(progress);
+        let folder = new.commit()?;
+        Ok(format!("{}: {} photographs as light\n", folder.display(), all.len()))
+    }
+
+    /// What was found, for people, in the session's `calibration/`.
+    fn keep(&self, stage: &StageRig, developer: &Developer, irradiances: &Irradiances, report: &str) -> CoreResult<()> {
+        let folder = self.session.join("calibration");
+        fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
+        if let Curve::Response(response) = developer.curve() {
+            response.write(&folder.join("response.txt"))?;
+        }
+        let text = |name: &str, text: &str| {
+            let path = folder.join(name);
+            write_whole(&path, |out| out.write_all(text.as_bytes()).map_err(|source| Error::io("write", &path, source)))
+        };
+        text("report.txt", report)?;
+        let mut table = String::from("lamp\tred\tgreen\tblue\n");
+        for (bulb, [r, g, b]) in irradiances.bulbs.iter().enumerate().take(stage.lamps.per_stop()) {
+            let _ = writeln!(table, "{}\t{r:.6}\t{g:.6}\t{b:.6}", bulb + 1);
+        }
+        text("irradiances.tsv", &table)
+    }
+
+    /// A session of photographs made elsewhere.
+    fn imported(&self, import: &ImportDescription) -> anyhow::Result<String> {
+        if import.kind != "lp" {
+            return Err(Error::Unsupported {
+                place: self.session.display().to_string(),
+                what: format!("a field from imported {}", import.kind),
+                advice: "this version makes fields of photographs of one lamp each".to_owned(),
+            }
+            .into());
+        }
+        let Some(output) = &self.target.output else {
+            anyhow::bail!("--merged is for captured brackets; imported photographs are merged already");
+        };
+        let setting = |name: &str| import.settings.get(name).and_then(toml::Value::as_str);
+        let file = |name: &str| setting(name).map(|path| self.session.join(path));
+        let job = ImportLp {
+            lp: self.session.join(LIGHTS),
+            encoding: match import.encoding.as_str() {
+                "srgb" => Encoding::Srgb,
+                "linear" => Encoding::Linear,
+                _ => Encoding::Auto,
+            },
+            colour_space: import.colour_space.parse::<ColourSpace>()?,
+            black: file("black"),
+            alpha: file("alpha"),
+            irradiance: import.settings.get("irradiance").and_then(toml::Value::as_float).unwrap_or_default() as f32,
+            measured: Measured {
+                lamps: file("lamps"),
+                flat_field: file("flat_field").map_or(FlatField::None, FlatField::Cards),
+                origin_px: None,
+            },
+            precision: self.precision.precision(),
+            lengths: lp::Lengths::Normalise,
+            exclude: Vec::new(),
+            correction: None,
+        };
+        let mut progress = Progress::new("packing", Unit::Steps);
+        job.run(output, &mut |done, all| progress.step(done, all))?;
+        drop(progress);
+        Ok(format!("{}\n", Info::of(&Asset::open(output, Access::Read)?).summary()))
+    }
+}
+
+fn camera_words(developer: &Developer) -> String {
+    let mut text = String::new();
+    if let Some(black) = &developer.black {
+        let [r, g, b] = black.level.map(|level| 100.0 * level);
+        let _ = writeln!(text, "camera     black level {r:.2}, {g:.2}, {b:.2} % of white");
+    }
+    if let Some(recovery) = &developer.recovery {
+        let [r, g, b] = recovery.residual_ev;
+        let _ = writeln!(text, "response   recovered; strays by {r:.3}, {g:.3}, {b:.3} stops");
+    }
+    text
+}
+
+fn linearity_words(packed: &Packed) -> String {
+    let error = |compared: &Compared| compared.relative_error.into_iter().fold(0.0, f64::max);
+    let worst = packed.linearity.iter().map(|(stop, compared)| (error(compared), stop + 1));
+    worst.max_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(String::new, |(worst, stop)| {
+        format!(
+            "linearity  all lamps of a stop together differ from their sum by at most {:.2} % (stop {stop} of {})\n",
+            100.0 * worst,
+            packed.linearity.len()
+        )
+    })
+}
+
+fn doubts(packed: &Packed) -> Vec<String> {
+    let failed = packed.linearity.iter().filter(|(_, compared)| !compared.passes());
+    let mut doubts: Vec<String> =
+        failed.take(1).map(|(stop, compared)| format!("stop {}: {}", stop + 1, compared.verdict())).collect();
+    if packed.lamps < packed.of {
+        doubts.push(format!("{} of {} lamps are in the field; the others have no photograph", packed.lamps, packed.of));
+    }
+    if packed.clipped > 1e-3 {
+        doubts.push(format!(
+            "{:.1} % of the pixels are clipped in every exposure of their photograph: shorter times are wanted",
+            100.0 * packed.clipped
+        ));
+    }
+    doubts
+}

@@ -1,0 +1,370 @@
+//! Capturing from outside: the virtual stage, bad days, `kill -9`, and what is left on disk.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg32;
+use relume_tests::{relume, target_dir};
+use serde_json::Value;
+
+use super::cli::{run, succeed, text};
+
+/// A stage of 4 lamps at 6 stops, in the camera's smallest pictures.
+pub(crate) const RIG: &str = r#"
+version = 1
+name = "Test stage"
+kind = "stage"
+[stage]
+all_lit = true
+reference_every = 6
+[stage.lamps]
+layout = "arc"
+latitudes = 4
+longitudes = 6
+[camera]
+times_s = [0.05, 0.4]
+limits_s = [0.00025, 30.0]
+megabytes = 0.01
+patience_s = 0.2
+[calibration]
+dark_times_s = [0.001, 0.256, 1.024]
+[virtual]
+width = 40
+height = 30
+samples = 4
+irradiance = 800.0
+spread = 0.1
+drift = -0.03
+ambient = 1e-4
+[virtual.sensor]
+full_well_e = 30000
+read_e = 6
+bits = 12
+dark = 0.006
+"#;
+/// Steps of [`RIG`]: the black series, six stops of black, all lit and 4 lamps, and five references.
+const STEPS: usize = 1 + 6 * 6 + 5;
+
+pub(crate) struct Capture {
+    pub(crate) folder: tempfile::TempDir,
+}
+
+impl Capture {
+    pub(crate) fn new() -> Self {
+        Self::with(RIG)
+    }
+
+    pub(crate) fn with(rig: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("rig.toml"), rig).unwrap();
+        Self { folder }
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// `relume capture rig.toml --session NAME`.
+    pub(crate) fn begin(&self, session: &str, options: &[&str]) -> Command {
+        let mut command = tool("capture");
+        command.arg(self.path("rig.toml")).arg("--session").arg(self.path(session)).args(options);
+        command
+    }
+
+    /// `relume capture --session NAME --resume`.
+    pub(crate) fn resume(&self, session: &str, options: &[&str]) -> Command {
+        let mut command = tool("capture");
+        command.arg("--session").arg(self.path(session)).arg("--resume").args(options);
+        command
+    }
+
+    /// The photographs of a session's journal.
+    pub(crate) fn journal(&self, session: &str) -> Vec<Value> {
+        let text = fs::read_to_string(self.path(session).join("journal.jsonl")).unwrap();
+        let lines = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        lines.filter_map(|mut line| Some(line.get_mut("photograph")?.take())).collect()
+    }
+}
+
+/// The built tool, its traced scenes kept between tests.
+pub(crate) fn tool(subcommand: &str) -> Command {
+    let mut command = Command::new(relume());
+    command.arg(subcommand).env("RELUME_CACHE", target_dir().join("tmp").join("relume-cache"));
+    command
+}
+
+/// Runs; expects exit code 1 and all words in the message.
+fn refuse(command: &mut Command, words: &[&str]) -> String {
+    let output = run(command);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");
+    words.iter().for_each(|word| assert!(said.contains(word), "{command:?}: `{word}` is not in: {said}"));
+    said
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> =
+        fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_plan_starts_nothing() {
+    let set = Capture::new();
+    let said = succeed(&mut set.begin("s", &["--plan"]));
+    for words in ["24  samples", &format!("{STEPS}  photographs in all"), "86 exposures", "ok       disk", "virtual scene"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert_eq!(names(set.folder.path()), ["rig.toml"]);
+}
+
+#[test]
+fn a_capture_is_in_order_and_whole() {
+    let set = Capture::new();
+    let said = succeed(&mut set.begin("s", &[]));
+    assert!(said.contains(&format!("{STEPS} of {STEPS} photographs")) && said.contains("relume pack"), "{said}");
+    let journal = set.journal("s");
+    assert_eq!(journal.len(), STEPS);
+    for (n, photograph) in journal.iter().enumerate() {
+        assert_eq!((photograph["number"].as_u64(), photograph["step"].as_u64()), (Some(n as u64 + 1), Some(n as u64)));
+        for frame in photograph["frames"].as_array().unwrap() {
+            let bytes = fs::read(set.path("s").join(frame["file"].as_str().unwrap())).unwrap();
+            assert_eq!(frame["blake3"], blake3::hash(&bytes).to_hex().to_string());
+        }
+    }
+    assert_eq!(names(&set.path("s").join("contact-sheets")), ["0001.png"]);
+    assert!(fs::read_to_string(set.path("s").join("capture.log")).unwrap().contains("lamp 24, 1/20 s 0.4 s"));
+    refuse(&mut set.begin("s", &[]), &["not empty", "add --resume"]);
+    assert!(succeed(&mut set.resume("s", &[])).contains("(0 taken now)"));
+}
+
+#[test]
+fn limits_end_a_run_and_resuming_goes_on() {
+    let set = Capture::new();
+    let said = succeed(&mut set.begin("s", &["--max-photos", "5"]));
+    assert!(said.contains(&format!("5 of {STEPS}")) && said.contains("--resume"), "{said}");
+    assert_eq!(set.journal("s").len(), 5);
+    assert!(succeed(&mut set.resume("s", &["--max-time", "1h", "--max-photos", "7"])).contains("(7 taken now)"));
+    assert!(succeed(&mut set.resume("s", &[])).contains(&format!("{STEPS} of {STEPS}")));
+    // Calibration alone, in a session of its own.
+    succeed(&mut set.begin("c", &["--only", "calibration"]));
+    assert_eq!(set.journal("c").len(), 1);
+}
+
+#[test]
+fn photographs_are_taken_again() {
+    let set = Capture::new();
+    succeed(&mut set.begin("s", &[]));
+    succeed(&mut set.resume("s", &["--redo", "5,8-9"]));
+    let journal = set.journal("s");
+    assert_eq!(journal.len(), STEPS + 3);
+    let redone: Vec<u64> = journal[STEPS..].iter().map(|p| p["redo_of"].as_u64().unwrap()).collect();
+    assert_eq!(redone, [5, 8, 9]);
+    assert_eq!(journal[STEPS]["condition"], journal[4]["condition"]);
+    refuse(&mut set.resume("s", &["--redo", "99"]), &["number 99", "1 to 45"]);
+    // A file that rotted is photographed again unasked.
+    let file = set.path("s").join(journal[20]["frames"][0]["file"].as_str().unwrap());
+    fs::write(&file, "rot").unwrap();
+    let output = run(&mut set.resume("s", &[]));
+    assert!(text(&output.stderr).contains("not as they were stored (21)"), "{}", text(&output.stderr));
+    assert_eq!(set.journal("s").last().unwrap()["redo_of"], 21);
+}
+
+#[test]
+fn bad_days_end_with_a_sentence_and_resume() {
+    for (fault, words) in [
+        ("unplug@9", &["the camera does not answer", "check its cable", "are safe", "--resume"][..]),
+        ("silent-lamp@7", &["lamp 7 does not answer", "fuse", "--resume"]),
+        ("misread@6", &["reads back", "manual mode", "--resume"]),
+        ("stuck@4", &["the camera is busy, for 0.2 seconds", "--resume"]),
+        ("full-disk@11", &["cannot write", "--resume"]),
+    ] {
+        let set = Capture::new();
+        let said = refuse(&mut set.begin("s", &["--rehearse", fault]), words);
+        assert_eq!(said.lines().count(), 1, "one sentence: {said}");
+        let (taken, photos) = (set.journal("s").len(), names(&set.path("s").join("photos")));
+        assert!(taken > 0 && taken < STEPS && photos.len() == taken, "{fault}: {taken}, {photos:?}");
+        assert!(succeed(&mut set.resume("s", &[])).contains(&format!("{STEPS} of {STEPS}")), "{fault}");
+        assert_eq!(set.journal("s").len(), STEPS, "{fault}");
+    }
+}
+
+#[test]
+fn passing_trouble_is_waited_for_and_written_down() {
+    let set = Capture::new();
+    let output = run(&mut set.begin("s", &["--rehearse", "busy@5", "--rehearse", "clock@9"]));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    let log = fs::read_to_string(set.path("s").join("capture.log")).unwrap();
+    assert!(log.contains("a device was busy 3 times"), "{log}");
+    assert!(text(&output.stderr).contains("clock was put back by 86400 s"), "{}", text(&output.stderr));
+    assert_eq!(set.journal("s").len(), STEPS);
+}
+
+#[test]
+fn a_camera_that_is_not_there_starts_nothing() {
+    let set = Capture::new();
+    refuse(&mut set.begin("s", &["--rehearse", "unplug@1"]), &["the camera does not answer", "nothing was started"]);
+    assert_eq!(names(set.folder.path()), ["rig.toml"]);
+}
+
+#[test]
+fn bad_usage_is_refused() {
+    let set = Capture::new();
+    for options in [
+        &["--rehearse", "rain@3"][..],
+        &["--max-time", "soon"],
+        &["--max-photos", "0"],
+        &["--redo", "3"],
+        &["--only", "lunch"],
+    ] {
+        assert_eq!(run(&mut set.begin("s", options)).status.code(), Some(2), "{options:?}");
+    }
+    refuse(&mut set.resume("absent", &[]), &["absent", "session folder"]);
+    refuse(tool("capture").arg("--session").arg(set.path("s")), &["no rig file"]);
+    for (from, to, words) in [
+        ("latitudes", "lattitudes", &["rig.toml", "lattitudes"][..]),
+        ("latitudes = 4", "latitudes = 0", &["0 lamps"]),
+        ("bits = 12", "bits = 60", &["bits", "60"]),
+        ("times_s = [0.05, 0.4]", "times_s = [0.4, 0.05]", &["times_s", "short ones first"]),
+        ("times_s = [0.05, 0.4]", "times_s = [90]", &["times_s", "limits_s"]),
+        ("kind = \"stage\"", "kind = \"tent\"", &["tent"]),
+        ("version = 1", "version = 7", &["version = 7"]),
+        ("irradiance = 800.0", "irradiance = nan", &["irradiance"]),
+        ("\"arc\"", "\"file\"\nfile = \"absent.lp\"", &["rig.toml"]),
+        ("width = 40", "", &["rig.toml", "width"]),
+        ("version = 1", "version = ", &["rig.toml, line 2"]),
+    ] {
+        let bad = Capture::with(&RIG.replacen(from, to, 1));
+        refuse(&mut bad.begin("s", &[]), words);
+        assert_eq!(names(bad.folder.path()), ["rig.toml"], "{to}");
+    }
+    succeed(&mut set.begin("s", &["--max-photos", "1"]));
+    fs::write(set.path("other.toml"), RIG.replace("0.4]", "0.5]")).unwrap();
+    let mut other = tool("capture");
+    other.arg(set.path("other.toml")).arg("--session").arg(set.path("s")).arg("--resume");
+    refuse(&mut other, &["not the rig"]);
+}
+
+/// Starts a capture that takes its time.
+fn slow(set: &Capture, session: &str) -> Child {
+    let mut command = set.begin(session, &["--rehearse", "slow@1"]);
+    command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+/// Waits until a session has a photograph.
+fn wait_for_photograph(set: &Capture, session: &str) {
+    let begun = Instant::now();
+    let journal = set.path(session).join("journal.jsonl");
+    while fs::metadata(&journal).map_or(0, |m| m.len()) == 0 {
+        assert!(begun.elapsed() < Duration::from_secs(60), "no photograph in a minute");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_second_process_is_refused_with_the_first_ones_id() {
+    let set = Capture::new();
+    let mut first = slow(&set, "s");
+    wait_for_photograph(&set, "s");
+    refuse(&mut set.resume("s", &[]), &[&format!("process {} (started 20", first.id())]);
+    first.kill().unwrap();
+    first.wait().unwrap();
+    succeed(&mut set.resume("s", &[]));
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_finishes_the_photograph_and_says_how_to_go_on() {
+    let set = Capture::new();
+    let child = slow(&set, "s");
+    wait_for_photograph(&set, "s");
+    succeed(Command::new("kill").args(["-INT", &child.id().to_string()]));
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{said}");
+    assert!(said.contains("--resume"), "{said}");
+    assert_eq!(names(&set.path("s").join("photos")).len(), set.journal("s").len());
+    succeed(&mut set.resume("s", &[]));
+    assert_eq!(set.journal("s").len(), STEPS);
+}
+
+/// Journals without what depends on the hour.
+fn timeless(journal: Vec<Value>) -> Vec<Value> {
+    let strip = |mut photograph: Value| {
+        let fields = photograph.as_object_mut().unwrap();
+        ["time", "seconds"].iter().for_each(|key| drop(fields.remove(*key)));
+        photograph
+    };
+    journal.into_iter().map(strip).collect()
+}
+
+/// "Done when" 2: killed sixty times, ends as if nothing had happened.
+#[test]
+fn sixty_kills_change_nothing() {
+    let set = Capture::new();
+    succeed(&mut set.begin("whole", &[]));
+    succeed(tool("pack").arg(set.path("whole")).arg("-o").arg(set.path("whole.rfield")));
+
+    let mut rng = Pcg32::seed_from_u64(60);
+    let mut in_flight = 0;
+    let mut lines = 0;
+    for n in 0..60 {
+        let mut command = if set.path("s").exists() {
+            set.resume("s", &["--rehearse", "slow@1"])
+        } else {
+            set.begin("s", &["--rehearse", "slow@1"])
+        };
+        let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // A photograph takes some 25 ms, the start about as long.
+        std::thread::sleep(Duration::from_micros(rng.random_range(0..60_000)));
+        child.kill().unwrap();
+        child.wait().unwrap();
+        if !set.path("s").exists() {
+            continue;
+        }
+        // What is in the journal is there, whole, and none twice.
+        let journal = whole_lines(&set.path("s"));
+        assert!(journal.len() >= lines, "kill {n}: photographs were lost");
+        lines = journal.len();
+        for (k, photograph) in journal.iter().enumerate() {
+            assert_eq!(photograph["number"].as_u64(), Some(k as u64 + 1));
+            for frame in photograph["frames"].as_array().unwrap() {
+                let bytes = fs::read(set.path("s").join(frame["file"].as_str().unwrap())).unwrap();
+                assert_eq!(frame["blake3"], blake3::hash(&bytes).to_hex().to_string(), "kill {n}");
+            }
+        }
+        let parts = names(&set.path("s").join("photos")).iter().filter(|name| name.ends_with(".part")).count();
+        in_flight += usize::from(parts > 0);
+    }
+    assert!(in_flight >= 10, "only {in_flight} of 60 kills fell into the writing of a photograph");
+    assert!(lines > 5, "{lines} photographs came about between the kills");
+    let mut last = if set.path("s").exists() { set.resume("s", &[]) } else { set.begin("s", &[]) };
+    succeed(&mut last);
+
+    assert_eq!(timeless(set.journal("s")), timeless(set.journal("whole")));
+    assert_eq!(names(&set.path("s").join("photos")), names(&set.path("whole").join("photos")));
+    succeed(tool("pack").arg(set.path("s")).arg("-o").arg(set.path("s.rfield")));
+    assert_eq!(manifest(&set.path("s.rfield")), manifest(&set.path("whole.rfield")));
+}
+
+/// Whole lines of a journal that may end in half a line.
+fn whole_lines(session: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(session.join("journal.jsonl")).unwrap_or_default();
+    let whole = text.rfind('\n').map_or("", |end| &text[..=end]);
+    let lines = whole.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    lines.filter_map(|mut line| Some(line.get_mut("photograph")?.take())).collect()
+}
+
+/// The manifest of a container without its provenance block; it holds the hashes of all other entries, which are checked here
+/// against the bytes.
+pub(crate) fn manifest(path: &Path) -> Value {
+    let asset = relume_core::field::Asset::open(path, relume_core::field::Access::Read).unwrap();
+    asset.verify(&mut |_, _| Ok(())).unwrap();
+    let mut manifest = serde_json::to_value(asset.manifest()).unwrap();
+    assert!(manifest.as_object_mut().unwrap().remove("provenance").is_some());
+    manifest
+}
