@@ -7,6 +7,7 @@ mod compare;
 mod compress;
 mod demo;
 mod evaluate;
+mod export;
 mod hdr;
 mod import;
 mod info;
@@ -39,6 +40,9 @@ pub enum Command {
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
+    /// Turn a field into what other tools read.
+    #[command(subcommand)]
+    Export(export::Target),
     /// Merge photographs of different exposures into one picture of linear light.
     Hdr(hdr::Arguments),
     /// Turn a picture of the surroundings (mirror ball, fisheye, cube, lat-long) into another projection.
@@ -84,6 +88,7 @@ impl Command {
             Command::Capture(arguments) => arguments.run(),
             Command::Pack(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
+            Command::Export(target) => target.run(),
             Command::Hdr(arguments) => arguments.run(),
             Command::Probe(arguments) => arguments.run(),
             Command::Relight(arguments) => arguments.run(),

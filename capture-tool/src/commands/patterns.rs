@@ -161,7 +161,7 @@ impl Encode {
     }
 
     /// What stands in `patterns.toml`.
-    fn id(&self) -> &'static str {
+    pub fn id(&self) -> &'static str {
         match self.curve {
             EmitterCurve::Linear => "linear",
             EmitterCurve::Srgb => "srgb",
@@ -182,7 +182,8 @@ const EMITTER_TABLE: &str = "calibration/emitter.txt";
 pub struct Description {
     version: u32,
     tool: String,
-    kind: String,
+    /// What the patterns are for.
+    pub kind: String,
     /// Texels.
     columns: usize,
     rows: usize,
@@ -204,6 +205,29 @@ pub struct Description {
     /// One a picture, in order.
     #[serde(default, skip_deserializing)]
     pattern: Vec<Shown>,
+}
+
+impl Description {
+    /// What a folder tells of its patterns, if it does.
+    ///
+    /// # Errors
+    /// A description that is not as this tool writes it, or by a newer one.
+    pub fn of_folder(folder: &Path) -> relume_core::Result<Option<Self>> {
+        let path = folder.join(DESCRIPTION);
+        if !path.exists() {
+            return Ok(None);
+        }
+        let text = std::fs::read_to_string(&path).map_err(|source| Error::io("read", &path, source))?;
+        let expected = "a description as `relume patterns` writes it; without this file, say --emitted and --texel";
+        let told: Self = toml::from_str(&text).map_err(|error| {
+            Error::invalid(path.display().to_string(), error.message().replace('\n', " "), expected)
+        })?;
+        if told.version != VERSION {
+            let found = format!("version {} (by {})", told.version, told.tool);
+            return Err(Error::invalid(path.display().to_string(), found, format!("version {VERSION}")));
+        }
+        Ok(Some(told))
+    }
 }
 
 /// A picture.

@@ -23,14 +23,16 @@
 //! | `lock` | one process at a time |
 //! | [`Session`] | the open folder: photographs begun, finished, found again |
 //! | [`staging`] | imports: a session written beside its place and renamed whole |
+//! | [`pairs`] | imports of patterns with their photographs |
 
 mod description;
 mod folder;
 mod journal;
 mod lock;
+pub mod pairs;
+pub mod staging;
 #[cfg(test)]
 mod tests;
-pub mod staging;
 
 pub use description::{CaptureDescription, Description, ImportDescription, Source, one_line};
 pub use folder::{PhotoFolder, Session, file_hash, photographs};

@@ -2,17 +2,17 @@
 //!
 //! `T_j = (photo_j - S) / E_j` (design conventions: transport is the response to unit irradiance).
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::Photographs;
 use super::measured::{Measured, PerLamp};
+use super::photographs::Reporting;
 use crate::calibrate::Correction;
 use crate::domain::{Directions, lp};
 use crate::error::{Error, Result};
-use crate::field::{BLOCK_HEIGHT, Bands, Contents, Precision, write};
+use crate::field::{BLOCK_HEIGHT, Contents, Precision, write};
 use crate::files::{check_folder, folder_of};
 use crate::image::{ColourSpace, Encoding, Image, probe_size, read};
 
@@ -203,20 +203,6 @@ impl ImportLp {
             "white_balance": self.correction.map(|correction| *correction.rows()),
             "photographs": photographs.iter().map(|path| name(path)).collect::<Vec<_>>(),
         })
-    }
-}
-
-/// Photographs that tell how far writing has come.
-struct Reporting<'a> {
-    photographs: &'a mut Photographs,
-    progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
-    total: u64,
-}
-
-impl Bands for Reporting<'_> {
-    fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
-        (self.progress)((self.photographs.len() + by) as u64, self.total)?;
-        self.photographs.fill(by, columns, blocks)
     }
 }
 

@@ -5,15 +5,18 @@
 //! | `photographs` | pictures of `T`, one a lamp, turned into the container's blocks in bounded memory |
 //! | `measured` | irradiances of lamps one by one, and flat fields of near lamps |
 //! | `import_lp` | a folder of one-light-at-a-time photographs with its `.lp` file -> a container |
+//! | `import_exr` | the parts or layers of an OpenEXR file -> a container |
 //! | `surface` | normals and albedo from the reflectance functions |
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
+mod import_exr;
 mod import_lp;
 mod measured;
 mod photographs;
 mod stereo;
 mod surface;
 
+pub use import_exr::{CheckedExr, ImportExr};
 pub use import_lp::{Checked, ImportLp, Imported};
 pub use measured::{FlatField, Measured};
 pub use photographs::Photographs;

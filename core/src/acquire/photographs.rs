@@ -135,6 +135,21 @@ impl Bands for Photographs {
     }
 }
 
+/// Photographs that tell how far writing has come.
+pub(super) struct Reporting<'a> {
+    pub photographs: &'a mut Photographs,
+    pub progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
+    /// Photographs and rows of blocks.
+    pub total: u64,
+}
+
+impl Bands for Reporting<'_> {
+    fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
+        (self.progress)((self.photographs.len() + by) as u64, self.total)?;
+        self.photographs.fill(by, columns, blocks)
+    }
+}
+
 /// Copies pictures into blocks `[block x][channel][element][8][16]` of row `by` from column `first_column` on, as elements
 /// `places` of `elements`.
 fn gather(

@@ -29,7 +29,9 @@ pub struct Row {
 pub fn text(rows: &[Row]) -> String {
     let mut text = format!("{HEADER}\n");
     for row in rows {
-        let _ = write!(text, "{}\t{:.6}", row.photograph, row.irradiance);
+        // Seven digits that count, whatever the unit.
+        let decimals = (6.0 - row.irradiance.log10().floor()).clamp(6.0, 40.0) as usize;
+        let _ = write!(text, "{}\t{:.decimals$}", row.photograph, row.irradiance);
         if let Some(p) = row.position_m {
             let _ = write!(text, "\t{:.5}\t{:.5}\t{:.5}", p.x, p.y, p.z);
         }

@@ -88,7 +88,7 @@ impl EmitterCurve {
     }
 
     /// Light of a code, both 0 to 1.
-    fn light(&self, code: f64) -> f64 {
+    pub fn light(&self, code: f64) -> f64 {
         match self {
             Self::Linear => code,
             Self::Srgb => f64::from(srgb::decode(code as f32)),

@@ -1,11 +1,15 @@
 //! The samples of a field at the lamps, whatever they are stored as.
 
+use std::ops::Range;
 use std::path::Path;
+
+use rayon::prelude::*;
 
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, BlockBuffer, CHANNELS, Dense, Layout};
 use super::factored::Factored;
 use super::manifest::Kind;
 use crate::error::{Error, Result};
+use crate::image::Image;
 
 /// `T` by lamp, block by block: as it was photographed, or decoded.
 #[derive(Debug, Clone, Copy)]
@@ -63,6 +67,44 @@ impl Samples<'_> {
         let place = format!("{}, pixel ({x}, {y}), lamp {}", self.path().display(), at / BLOCK_PIXELS + 1);
         let expected = "a finite number (`relume verify` tells whether the file was damaged)";
         Err(Error::invalid(place, out[at].to_string(), expected))
+    }
+
+    /// The pictures of `T` under some lamps, RGB: one pass over the field, however many they are.
+    ///
+    /// # Errors
+    /// As [`Samples::read`].
+    ///
+    /// # Panics
+    /// When there are no such lamps.
+    pub fn pictures(&self, lamps: Range<usize>) -> Result<Vec<Image>> {
+        let layout = self.layout();
+        assert!(lamps.end <= layout.elements, "lamps {lamps:?} of {}", layout.elements);
+        let mut pictures: Vec<Image> =
+            lamps.clone().map(|_| Image::new(layout.width, layout.height, CHANNELS)).collect();
+        for by in 0..layout.rows() {
+            let wanted = lamps.start * BLOCK_PIXELS..lamps.end * BLOCK_PIXELS;
+            let block = |(room, numbers): &mut (BlockBuffer, Vec<f32>), n: usize| {
+                self.read(n / CHANNELS, by, n % CHANNELS, room, numbers)?;
+                Ok(numbers[wanted.clone()].to_vec())
+            };
+            let blocks = (0..layout.columns() * CHANNELS).into_par_iter().map_init(Default::default, block);
+            let blocks: Vec<Vec<f32>> = blocks.collect::<Result<_>>()?;
+            pictures.par_iter_mut().enumerate().for_each(|(k, picture)| self.place(&blocks, k, by, picture));
+        }
+        Ok(pictures)
+    }
+
+    /// Copies lamp `k` of a row of blocks into its picture.
+    fn place(&self, blocks: &[Vec<f32>], k: usize, by: usize, picture: &mut Image) {
+        let (width, scale) = (picture.width(), self.scale());
+        let rows = picture.data_mut().chunks_exact_mut(width * CHANNELS).skip(by * BLOCK_HEIGHT).take(BLOCK_HEIGHT);
+        for (y, row) in rows.enumerate() {
+            for (n, block) in blocks.iter().enumerate() {
+                let line = &block[k * BLOCK_PIXELS + y * BLOCK_WIDTH..][..BLOCK_WIDTH];
+                let pixels = row.chunks_exact_mut(CHANNELS).skip(n / CHANNELS * BLOCK_WIDTH);
+                pixels.zip(line).for_each(|(pixel, t)| pixel[n % CHANNELS] = t * scale);
+            }
+        }
     }
 
     /// The reflectance function of a pixel: one RGB triple an element.

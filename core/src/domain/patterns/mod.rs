@@ -12,12 +12,14 @@
 //! | `gray_code` | the place on the screen that a pixel sees | 6.3 |
 //! | `ramp` | every code once: the curve of the emitter | 6.3 |
 //! | `squares` | one square of a projector after another | 7.3 |
+//! | `shown` | back from a picture that was shown to its light | |
 //! | `crossed` | horizontal and vertical sets of squares | 7.5 |
 
 mod crossed;
 mod gray_code;
 mod noise;
 mod ramp;
+mod shown;
 mod squares;
 mod stripes;
 mod wavelets;
@@ -32,6 +34,7 @@ use crate::error::{Error, Result};
 use crate::wavelet::{Orientation, Place, Wavelet};
 
 pub use noise::Noise;
+pub use shown::emitted;
 pub use wavelets::Wavelets;
 
 /// A kind of pattern set, with what it needs to know.

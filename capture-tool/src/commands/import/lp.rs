@@ -1,18 +1,18 @@
-//! `relume import`: photographs taken elsewhere -> a field, a session folder, or both.
+//! `relume import lp`: a photograph a lamp -> a field, a session folder, or both.
 
 use std::f32::consts::PI;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::Args;
 use relume_core::acquire::{FlatField, ImportLp, Measured};
-use relume_core::calibrate::Correction;
 use relume_core::domain::{Directions, lp};
-use relume_core::field::{Access, Asset, Precision};
+use relume_core::field::{Access, Asset};
 use relume_core::files;
-use relume_core::image::{ColourSpace, Encoding};
+use relume_core::image::ColourSpace;
 
-use super::info::Info;
-use super::{calibrate, note, surface, values};
+use super::{EncodingChoice, PrecisionChoice, tell_duplicates, white_balance};
+use crate::commands::info::Info;
+use crate::commands::{surface, values};
 use crate::progress::{Progress, Unit};
 use crate::{new_folder, session};
 
@@ -24,13 +24,6 @@ Examples:
   relume import lp photographs/lights.lp -o vase.rfield --lamps photographs/lights.lamps.tsv
   relume import lp near/lights.lp -o coin.rfield --lamps near/lights.lamps.tsv --flat-field places --metres-per-pixel 2e-5
   relume import lp photographs/dirs.lp --session vase-session";
-
-/// Kinds of import.
-#[derive(Debug, Subcommand)]
-pub enum Source {
-    /// One photograph a lamp, listed with the lamps' directions in a .lp file.
-    Lp(LpArguments),
-}
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -100,32 +93,6 @@ struct TargetArguments {
     session: Option<PathBuf>,
 }
 
-/// How integer files are read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum EncodingChoice {
-    /// By the sRGB curve.
-    Srgb,
-    /// In proportion to light.
-    Linear,
-}
-
-impl EncodingChoice {
-    /// The encoding of a flag that may be absent.
-    pub fn of(flag: Option<Self>) -> Encoding {
-        match flag {
-            None => Encoding::Auto,
-            Some(Self::Srgb) => Encoding::Srgb,
-            Some(Self::Linear) => Encoding::Linear,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum PrecisionChoice {
-    Half,
-    Float,
-}
-
 /// Checked flags.
 #[derive(Debug)]
 struct Plan {
@@ -135,16 +102,12 @@ struct Plan {
     normals: bool,
 }
 
-impl Source {
+impl LpArguments {
     /// Imports.
     pub fn run(self) -> anyhow::Result<String> {
-        match self {
-            Source::Lp(arguments) => arguments.plan()?.carry_out(),
-        }
+        self.plan()?.carry_out()
     }
-}
 
-impl LpArguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         if let Some(output) = &self.target.output {
@@ -162,10 +125,7 @@ impl LpArguments {
             alpha: self.alpha,
             irradiance: self.irradiance.unwrap_or(PI),
             measured,
-            precision: match self.precision {
-                PrecisionChoice::Half => Precision::Half,
-                PrecisionChoice::Float => Precision::Float,
-            },
+            precision: self.precision.into(),
             lengths: if self.normalise_directions { lp::Lengths::Normalise } else { lp::Lengths::Unit },
             exclude: self.exclude,
             correction: self.white_balance.as_deref().map(white_balance).transpose()?,
@@ -197,7 +157,9 @@ impl Plan {
             None => None,
             Some(folder) => {
                 let mut progress = Progress::new("copying", Unit::Steps);
-                Some(session::staging::stage(folder, &self.import, &checked, &mut |done, all| progress.step(done, all))?)
+                Some(session::staging::stage(folder, &self.import, &checked, &mut |done, all| {
+                    progress.step(done, all)
+                })?)
             }
         };
         let mut report = String::new();
@@ -233,34 +195,11 @@ impl Plan {
     }
 }
 
-/// `R,G,B`, or else the name of a file.
-fn white_balance(text: &str) -> anyhow::Result<Correction> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    match numbers.as_deref() {
-        Ok([r, g, b]) => Ok(Correction::gains([*r, *g, *b])?),
-        Ok(other) => {
-            anyhow::bail!("--white-balance {text}: found {} numbers, expected three gains or a file", other.len())
-        }
-        Err(_) => calibrate::read_correction(Path::new(text)),
-    }
-}
-
-/// Duplicates are legal (they share their site's light equally) but often a mistake in the list.
-fn tell_duplicates(domain: &Directions) {
-    let shared: Vec<&Vec<u32>> = domain.members().iter().filter(|members| members.len() > 1).collect();
-    let Some(first) = shared.first() else { return };
-    let lamps: usize = shared.iter().map(|members| members.len()).sum();
-    let numbers: Vec<String> = first.iter().take(5).map(|lamp| (lamp + 1).to_string()).collect();
-    let several = if shared.len() > 1 { ", and others" } else { "" };
-    let verb = if shared.len() > 1 { "share directions" } else { "share a direction" };
-    note(&format!(
-        "{lamps} lamps {verb} (lamps {}{several}); each gets an equal part of its light",
-        numbers.join(", ")
-    ));
-}
-
 #[cfg(test)]
 mod tests {
+    use relume_core::field::Precision;
+    use relume_core::image::Encoding;
+
     use super::*;
     use crate::commands::testing;
 
