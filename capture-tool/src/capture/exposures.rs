@@ -59,7 +59,7 @@ impl<'a> Exposures<'a> {
         let camera = &self.rig.camera;
         let records = Records::read(session.root())?;
         let shows_ball = |p: &Photograph| matches!(p.condition, Condition::WhiteBall(_));
-        let wanted = Wanted { step_stops: camera.step_stops, ..Wanted::default() };
+        let wanted = wanted(camera);
         let developer = Developer::for_previews(&records, camera)?;
         let mut extent: Option<Extent> = None;
         for preview in records.of(Role::Preview).filter(|p| shows_ball(p) == (of == Role::WhiteBall)) {
@@ -99,9 +99,14 @@ impl<'a> Exposures<'a> {
         let exposures: Vec<Exposure> = shots.iter().map(|shot| shot.exposure).collect();
         // Remarks are a convenience: what cannot be told is not said.
         let merged = developer.as_ref().and_then(|developer| developer.merge(&exposures, thumbnails).ok());
-        let wanted = Wanted { step_stops: camera.step_stops, ..Wanted::default() };
+        let wanted = wanted(camera);
         merged.map_or_else(Vec::new, |merged| series::check(&merged.report, &wanted))
     }
+}
+
+/// What brackets should hold. Glints of single lamps on mirrors are few pixels and much of the light: they must not clip.
+fn wanted(camera: &CameraRig) -> Wanted {
+    Wanted { step_stops: camera.step_stops, clipped: 1e-5, ..Wanted::default() }
 }
 
 fn setting(camera: &CameraRig, time_s: f64) -> Exposure {
