@@ -73,6 +73,56 @@ fn json(path: &Path) -> Value {
     serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
 }
 
+/// A camera that writes 16 bits: a dark level, then a curve with a toe and a shoulder.
+fn deep_code(x: f64) -> f32 {
+    let root = |x: f64| (x + 0.003).powf(1.0 / 2.2);
+    let t = (root((x + 0.0156).min(1.0)) - root(0.0)) / (root(1.0) - root(0.0));
+    let s = |t: f64| 1.0 / (1.0 + (-3.0 * (t - 0.45)).exp());
+    ((s(t) - s(0.0)) / (s(1.0) - s(0.0))) as f32
+}
+
+#[test]
+fn a_deep_response_is_recovered_above_its_dark_level() {
+    let folder = tempfile::tempdir().unwrap();
+    let (w, h) = (240, 180);
+    // Files hold codes: `write` puts light through the sRGB curve, so its inverse goes before.
+    let save = |name: &str, s: f64| {
+        let codes =
+            Image::from_fn(w, h, |x, y| light(x as i32, y as i32).map(|v| srgb::decode(deep_code(f64::from(v) * s))));
+        let path = folder.path().join(name);
+        write(&path, &codes, EncodeOptions::default()).unwrap();
+        path
+    };
+    // 2/3 and 1 stop apart in turn.
+    let exposures: Vec<f64> =
+        (0..9).map(|k| 2f64.powf(-4.0 + f64::from(k / 2) * 5.0 / 3.0 + f64::from(k % 2))).collect();
+    let photographs: Vec<PathBuf> = (0..9).map(|k| save(&format!("{k}.png"), exposures[k])).collect();
+    let cap = save("cap.png", 0.0);
+    let times = exposures.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    // 90 % of the samples are this near to the light of the scene, but for one scale.
+    let spread = |options: &[&str]| {
+        let out = folder.path().join("out.exr");
+        let mut command = Command::new(relume());
+        command.arg("hdr").args(&photographs).arg("-o").arg(&out).args(["--times", &times]).args(options);
+        let said = succeed(&mut command);
+        let found = read(&out, Encoding::Auto).unwrap();
+        let truth = Image::from_fn(w, h, |x, y| light(x as i32, y as i32));
+        let mut ratios: Vec<f32> = found.data().iter().zip(truth.data()).map(|(a, b)| a / b).collect();
+        ratios.sort_by(f32::total_cmp);
+        let at = |share: f64| ratios[(ratios.len() as f64 * share) as usize];
+        (0.5 * (at(0.95) - at(0.05)) / at(0.5), said)
+    };
+    let camera = folder.path().join("camera.txt");
+    let camera = camera.to_str().unwrap();
+    let black = ["--black", cap.to_str().unwrap()];
+    let (error, said) = spread(&[&black[..], &["--recover-response", "--save-response", camera]].concat());
+    assert!(error < 0.005 && said.contains("dark level subtracted"), "{error}: {said}");
+    let (again, _) = spread(&[&black[..], &["--response", camera]].concat());
+    assert!((again - error).abs() < 1e-4, "{again} is not {error}");
+    let (without, _) = spread(&["--recover-response"]);
+    assert!(without > 2.0 * error.max(0.01), "{without}: the dark level matters");
+}
+
 #[test]
 fn a_bracket_gives_its_light_back() {
     let bracket = Bracket::new([[0; 2]; 5]);
@@ -208,7 +258,7 @@ fn bad_brackets_get_a_sentence_and_leave_nothing() {
     check(
         &["float.exr", "float.exr"],
         &["--times", "1,2", "--recover-response"],
-        &["float.exr", "8-bit", "--encoding"],
+        &["float.exr", "integer codes", "--encoding"],
     );
     check(&[a, b], &["--times", "1,4", "--response", bad_response.to_str().unwrap()], &["bad.txt, line 2"]);
     check(&[a, b], &["--times", "1,4", "--reference", "3"], &["there are 2 photographs"]);

@@ -48,6 +48,14 @@ pub struct Step {
     pub scanned: u64,
 }
 
+impl Step {
+    /// Part of what is taken once a session, apart from the object's own samples; previews that it needs included.
+    pub fn is_calibration(&self) -> bool {
+        let needed = !matches!(self.condition, Condition::Lamp(_));
+        self.role.is_calibration() || (self.role == Role::Preview && needed)
+    }
+}
+
 /// Exposure times of a step.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Times {

@@ -37,8 +37,12 @@ impl Plan {
     /// Of these steps.
     pub fn new<'a>(rig: &RigFile, steps: impl Iterator<Item = &'a Step>) -> Self {
         let camera = &rig.camera;
-        let (per_stop, move_s, lamp_s) =
-            rig.stage.as_ref().map_or((1, 0.0, 0.0), |s| (s.lamps.per_stop(), s.move_s, s.lamp_s));
+        let (per_stop, move_s, settle_s) = match (&rig.stage, &rig.monitor, &rig.gantry) {
+            (Some(stage), ..) => (stage.lamps.per_stop(), stage.move_s, stage.lamp_s),
+            (None, Some(monitor), _) => (1, 0.0, monitor.settle_s),
+            (None, None, Some(gantry)) => (1, gantry.move_s, gantry.settle_s),
+            (None, None, None) => (1, 0.0, 0.0),
+        };
         // The middle of what the camera can do, in stops.
         let usual = (camera.limits_s[0] * camera.limits_s[1]).sqrt();
         let mut plan = Self {
@@ -64,7 +68,7 @@ impl Plan {
                 stop = there;
             }
             plan.frames += times.len();
-            plan.seconds += lamp_s + times.iter().map(|t| t + camera.overhead_s).sum::<f64>();
+            plan.seconds += settle_s + times.iter().map(|t| t + camera.overhead_s).sum::<f64>();
         }
         plan.bytes = plan.frames as f64 * camera.megabytes * 1e6;
         plan

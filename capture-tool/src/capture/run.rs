@@ -128,7 +128,7 @@ impl Run<'_> {
     ) -> Result<End, Trouble> {
         let redo = Redo::new(session, &self.limits.redo)?;
         while let Some(step) = sampler.next()? {
-            if self.limits.only_calibration && !step.role.is_calibration() {
+            if self.limits.only_calibration && !step.is_calibration() {
                 continue;
             }
             let replaced = redo.replaced(&step);

@@ -48,10 +48,7 @@ fn calibration(rig: &RigFile, lamps: &Lamps, list: &mut List) {
     if !calibration.dark_times_s.is_empty() {
         list.add(Condition::Black { stop: 0 }, Role::Dark, Times::Fixed(calibration.dark_times_s.clone()));
     }
-    if !calibration.response_times_s.is_empty() {
-        let times = Times::Fixed(calibration.response_times_s.clone());
-        list.add(Condition::AllLamps { stop: 0 }, Role::Response, times);
-    }
+    // The ball before the object: it is put in place once.
     if calibration.white_ball.is_some() {
         let front = lamps.per_stop() / 2;
         if rig.camera.times_s.is_none() {
@@ -62,6 +59,10 @@ fn calibration(rig: &RigFile, lamps: &Lamps, list: &mut List) {
             let times = Times::Series { of: Role::WhiteBall, factor: 1.0 };
             list.add(Condition::WhiteBall(lamp), Role::WhiteBall, times);
         }
+    }
+    if !calibration.response_times_s.is_empty() {
+        let times = Times::Fixed(calibration.response_times_s.clone());
+        list.add(Condition::AllLamps { stop: 0 }, Role::Response, times);
     }
 }
 

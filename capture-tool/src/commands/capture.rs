@@ -11,15 +11,23 @@ use relume_core::simulate::{Sensor, SensorResponse};
 use super::values;
 use crate::capture::plan::Plan;
 use crate::capture::run::{End, Limits, Outcome, run};
-use crate::capture::{Listed, Step, scan};
+use crate::capture::patterns::{self, Samples, Sets};
+use crate::capture::{Listed, Step, Times, scan};
 use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{VirtualCamera, Window};
 use crate::devices::{Camera, Finding};
 use crate::new_folder;
 use crate::progress::{Progress, Unit};
+use crate::pack::records::Records;
+use crate::rigs::virtual_emitter::{self, VirtualEmitter};
 use crate::rigs::virtual_stage::{self, VirtualStage};
-use crate::rigs::{Rig, RigFile, SensorResponseChoice};
-use crate::session::{CaptureDescription, Description, Session, Source};
+use crate::rigs::{Condition, Kind, Rig, RigFile, SensorResponseChoice};
+use crate::session::{CaptureDescription, Description, Role, Session, Source};
+
+/// Steps from here on are pictures shown by `--reference`.
+const PICTURES: u64 = 1 << 32;
+/// The folder of those pictures in a session.
+const REFERENCES: &str = "references";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -28,6 +36,8 @@ Examples:
   relume capture --session vase --resume
   relume capture --session vase --resume --max-time 2h
   relume capture --session vase --resume --redo 37,52-60
+  relume capture presets/rigs/virtual-monitor.toml --session glass --sampler noise --only calibration
+  relume capture --session glass --resume --reference sunset.png
 
 Ctrl-C finishes the photograph in flight, switches the lamps off and says how to go on; a second one gives up the photograph in
 flight. Whatever happens, the session keeps every finished photograph. Next: relume pack vase -o vase.rfield";
@@ -41,7 +51,7 @@ pub struct Arguments {
     /// The session folder: new, or one to go on with.
     #[arg(long, value_name = "DIR")]
     session: PathBuf,
-    /// Which conditions, in which order [default: scan].
+    /// Which conditions, in which order [default: noise for a screen, else scan].
     #[arg(long, value_enum)]
     sampler: Option<SamplerChoice>,
     /// Print the number of photographs, the time, the disk space and what is missing; start nothing.
@@ -59,6 +69,9 @@ pub struct Arguments {
     /// Take a part of the photographs alone.
     #[arg(long, value_enum)]
     only: Option<Part>,
+    /// Show this picture on the screen, photograph it, and nothing else: what a relit picture is to be held against (6.3).
+    #[arg(long, value_name = "IMG", requires = "resume", conflicts_with_all = ["redo", "only"])]
+    reference: Option<PathBuf>,
     /// Photograph these again, by their numbers (on the contact sheet, in the log, in photos/); the new ones count.
     #[arg(long, value_name = "N,N-M", requires = "resume", value_parser = values::numbers)]
     redo: Option<values::Numbers>,
@@ -73,8 +86,23 @@ pub struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SamplerChoice {
-    /// Every lamp, all of a stop before the turntable moves.
+    /// Every lamp of a stage, every square of a screen or projector, one after another.
     Scan,
+    /// Patterns of wavelet noise on a screen.
+    Noise,
+    /// Sets of every d-th square of a projector's rows and columns.
+    Separable,
+}
+
+impl SamplerChoice {
+    /// The id in session files.
+    fn id(self) -> &'static str {
+        match self {
+            Self::Scan => "scan",
+            Self::Noise => "noise",
+            Self::Separable => "separable",
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -86,8 +114,13 @@ enum Part {
 /// Checked flags.
 struct Job {
     rig: RigFile,
+    sampler: SamplerChoice,
+    /// Pattern sets of a screen or projector.
+    sets: Sets,
     steps: Vec<Step>,
     limits: Limits,
+    /// The picture to be shown and photographed, with its name in the session.
+    picture: Option<(PathBuf, String)>,
 }
 
 impl Arguments {
@@ -96,10 +129,17 @@ impl Arguments {
     /// # Errors
     /// A bad rig file; a session that is there already, or is not; what is missing; what devices cannot do.
     pub fn run(self) -> anyhow::Result<String> {
-        let rig = self.rig_file()?;
-        let Some(stage) = &rig.stage else { anyhow::bail!("{}: no [stage] table", rig.name) };
-        let _ = self.sampler;
-        let steps = scan::steps(&rig, stage);
+        let job = self.job()?;
+        if self.plan { self.told(&job) } else { self.carry_out(&job) }
+    }
+
+    fn job(&self) -> anyhow::Result<Job> {
+        let (rig, sampler) = self.rig_and_sampler()?;
+        let (sets, mut steps) = steps(&rig, sampler)?;
+        let picture = self.picture(&rig)?;
+        if let Some((_, name)) = &picture {
+            steps = vec![self.picture_step(name)?];
+        }
         let limits = Limits {
             max_time: self.max_time,
             max_photos: self.max_photos,
@@ -107,12 +147,32 @@ impl Arguments {
             redo: self.redo.clone().unwrap_or_default().0,
             faults: self.rehearse.clone(),
         };
-        let plan_ = Job { rig, steps, limits };
-        if self.plan { self.told(&plan_) } else { self.carry_out(&plan_) }
+        Ok(Job { rig, sampler, sets, steps, limits, picture })
     }
 
-    /// The rig as the file, or the session to go on with, says.
-    fn rig_file(&self) -> anyhow::Result<RigFile> {
+    /// `--reference`: a picture that can be shown, on a rig that can show it.
+    fn picture(&self, rig: &RigFile) -> anyhow::Result<Option<(PathBuf, String)>> {
+        let Some(path) = &self.reference else { return Ok(None) };
+        anyhow::ensure!(rig.monitor.is_some(), "--reference {}: only a screen shows pictures", path.display());
+        relume_core::image::probe_size(path)?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Some((path.clone(), name)))
+    }
+
+    /// Pictures come after all steps of the plan, numbered by how many there are: the same one may be shown again.
+    fn picture_step(&self, name: &str) -> anyhow::Result<Step> {
+        let before = Records::read(&self.session)?.of(Role::Picture).count() as u64;
+        Ok(Step {
+            index: PICTURES + before,
+            condition: Condition::Picture(name.to_owned()),
+            role: Role::Picture,
+            times: Times::Series { of: Role::Sample, factor: 1.0 },
+            scanned: 0,
+        })
+    }
+
+    /// The rig and the sampler as flags, or the session to go on with, say.
+    fn rig_and_sampler(&self) -> anyhow::Result<(RigFile, SamplerChoice)> {
         if !self.resume {
             let Some(path) = &self.rig else {
                 anyhow::bail!("no rig file: give one, as in `relume capture presets/rigs/virtual-stage.toml`, or --resume");
@@ -125,61 +185,80 @@ impl Arguments {
                 let advice = if is_session { "; to go on with it, add --resume" } else { "" };
                 anyhow::bail!("{error}{advice}");
             }
-            return Ok(rig);
+            let usual = if rig.kind == Kind::Monitor { SamplerChoice::Noise } else { SamplerChoice::Scan };
+            return Ok((rig, self.sampler.unwrap_or(usual)));
         }
         let found = Description::read(&self.session)?;
+        let place = self.session.display();
         let Source::Capture(capture) = found.source else {
-            anyhow::bail!("{}: a session of imported photographs; `relume pack` makes a field of it", self.session.display());
+            anyhow::bail!("{place}: a session of imported photographs; `relume pack` makes a field of it");
         };
         if let Some(path) = &self.rig {
             anyhow::ensure!(
                 RigFile::read(path)? == capture.rig,
-                "{}: not the rig that {} was begun with; leave it out to go on, or begin a new session",
-                path.display(),
-                self.session.display()
+                "{}: not the rig that {place} was begun with; leave it out to go on, or begin a new session",
+                path.display()
             );
         }
-        Ok(capture.rig)
+        let begun = SamplerChoice::value_variants().iter().find(|known| known.id() == capture.sampler);
+        let Some(begun) = begun else { anyhow::bail!("{place}: a sampler called `{}` is not known", capture.sampler) };
+        let asked = self.sampler.unwrap_or(*begun);
+        anyhow::ensure!(asked == *begun, "{place}: begun with --sampler {}; begin a new session for another", begun.id());
+        Ok((capture.rig, asked))
     }
 
     /// What `--plan` prints. Starts nothing, writes nothing.
-    fn told(&self, plan: &Job) -> anyhow::Result<String> {
-        let wanted = plan.steps.iter().filter(|step| !plan.limits.only_calibration || step.role.is_calibration());
-        let told = Plan::new(&plan.rig, wanted);
-        let findings = [told.room(&self.session), virtual_scene(&plan.rig)?];
-        Ok(told.text(&plan.rig, &findings))
+    fn told(&self, job: &Job) -> anyhow::Result<String> {
+        let wanted = job.steps.iter().filter(|step| !job.limits.only_calibration || step.is_calibration());
+        let told = Plan::new(&job.rig, wanted);
+        let findings = [told.room(&self.session), virtual_scene(&job.rig)?];
+        Ok(told.text(&job.rig, &findings))
     }
 
-    fn carry_out(&self, plan: &Job) -> anyhow::Result<String> {
-        let rig = &plan.rig;
-        let room = Plan::new(rig, plan.steps.iter()).room(&self.session);
+    fn carry_out(&self, job: &Job) -> anyhow::Result<String> {
+        let rig = &job.rig;
+        let room = Plan::new(rig, job.steps.iter()).room(&self.session);
         anyhow::ensure!(room.fine || self.resume, "{}; make room first, or see --plan", room.text);
-        let (mut stage, mut camera) = self.devices(plan)?;
-        let findings: Vec<Finding> = stage.preflight().into_iter().chain(camera.preflight()).collect();
+        let (mut emitter, mut camera) = self.devices(job)?;
+        let findings: Vec<Finding> = emitter.preflight().into_iter().chain(camera.preflight()).collect();
         if let Some(missing) = findings.iter().find(|finding| !finding.fine) {
             anyhow::bail!("{}; nothing was started", missing.text);
         }
         if let Some(truth) = &self.truth {
-            copy_whole(stage.transport(), truth)?;
+            anyhow::ensure!(rig.stage.is_some(), "--truth: only a virtual stage has a field to compare with");
+            copy_whole(&virtual_stage::cached(rig)?, truth)?;
         }
-        let mut session = self.session(rig)?;
-        let mut sampler = Listed::new(plan.steps.clone());
-        let ended = run(&mut session, rig, (&mut stage, &mut camera), &mut sampler, &plan.limits);
-        self.report(&session, plan, ended.map_err(anyhow::Error::new))
+        let mut session = self.session(job)?;
+        if let Some((path, name)) = &job.picture {
+            let folder = self.session.join(REFERENCES);
+            std::fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
+            copy_whole(path, &folder.join(name))?;
+        }
+        let mut sampler = Listed::new(job.steps.clone());
+        let ended = run(&mut session, rig, (&mut *emitter, &mut camera), &mut sampler, &job.limits);
+        self.report(&session, job, ended.map_err(anyhow::Error::new))
     }
 
-    fn devices(&self, plan: &Job) -> anyhow::Result<(VirtualStage, VirtualCamera)> {
-        let rig = &plan.rig;
+    fn devices(&self, job: &Job) -> anyhow::Result<(Box<dyn Rig>, VirtualCamera)> {
+        let rig = &job.rig;
         let window = Window::default();
-        let mut progress = Progress::new("tracing the virtual scene", Unit::Steps);
-        let scanned = scan::count(&plan.steps);
-        let stage =
-            VirtualStage::new(rig, scanned, window.clone(), &self.rehearse, &mut |done, all| progress.step(done, all))?;
-        let camera = VirtualCamera::new(sensor(rig), window, &self.rehearse);
-        Ok((stage, camera))
+        let mut bar = Progress::new("tracing the virtual scene", Unit::Steps);
+        let mut progress = |done, all| bar.step(done, all);
+        let emitter: Box<dyn Rig> = match rig.kind {
+            Kind::Stage => {
+                let scanned = scan::count(&job.steps);
+                Box::new(VirtualStage::new(rig, scanned, window.clone(), &self.rehearse, &mut progress)?)
+            }
+            Kind::Monitor | Kind::Gantry => {
+                let references = self.session.join(REFERENCES);
+                let faults = &self.rehearse;
+                Box::new(VirtualEmitter::new(rig, job.sets.clone(), references, window.clone(), faults, &mut progress)?)
+            }
+        };
+        Ok((emitter, VirtualCamera::new(sensor(rig), window, &self.rehearse)))
     }
 
-    fn session(&self, rig: &RigFile) -> anyhow::Result<Session> {
+    fn session(&self, job: &Job) -> anyhow::Result<Session> {
         if self.resume {
             let session = Session::open(&self.session)?;
             let damaged = session.damaged();
@@ -193,15 +272,16 @@ impl Arguments {
             }
             return Ok(session);
         }
-        let capture = CaptureDescription { sampler: "scan".to_owned(), seed: rig.simulation.seed, rig: rig.clone() };
+        let rig = job.rig.clone();
+        let capture = CaptureDescription { sampler: job.sampler.id().to_owned(), seed: rig.simulation.seed, rig };
         Ok(Session::create(&self.session, Description::new(Source::Capture(Box::new(capture))))?)
     }
 
     /// How it ended, and what to do next.
-    fn report(&self, session: &Session, plan: &Job, ended: anyhow::Result<Outcome>) -> anyhow::Result<String> {
+    fn report(&self, session: &Session, job: &Job, ended: anyhow::Result<Outcome>) -> anyhow::Result<String> {
         let place = self.session.display();
-        let answered = plan.steps.iter().filter(|step| session.answer(step.index).is_some()).count();
-        let state = format!("{place}: {answered} of {} photographs", plan.steps.len());
+        let answered = job.steps.iter().filter(|step| session.answer(step.index).is_some()).count();
+        let state = format!("{place}: {answered} of {} photographs", job.steps.len());
         let resume = format!("go on with: relume capture --session {place} --resume");
         match ended {
             Err(error) => Err(error.context(format!("capture stopped; {state} are safe; {resume}"))),
@@ -209,7 +289,7 @@ impl Arguments {
                 super::note(&format!("{state}; {resume}"));
                 Err(Error::Cancelled.into())
             }
-            Ok(Outcome { end: End::Complete, taken }) if plan.limits.only_calibration => {
+            Ok(Outcome { end: End::Complete, taken }) if job.limits.only_calibration => {
                 Ok(format!("{state} ({taken} taken now); calibration is complete; {resume}\n"))
             }
             Ok(Outcome { end: End::Complete, taken }) => {
@@ -218,6 +298,25 @@ impl Arguments {
             Ok(Outcome { end: End::Time | End::Photos, taken }) => Ok(format!("{state} ({taken} taken now); {resume}\n")),
         }
     }
+}
+
+/// The steps of a rig, and the pattern sets they name.
+fn steps(rig: &RigFile, sampler: SamplerChoice) -> anyhow::Result<(Sets, Vec<Step>)> {
+    let samples = match (rig.kind, sampler) {
+        (Kind::Stage, SamplerChoice::Scan) => {
+            let stage = rig.stage.as_ref().ok_or_else(|| anyhow::anyhow!("{}: no [stage] table", rig.name))?;
+            return Ok((Sets::new(), scan::steps(rig, stage)));
+        }
+        (Kind::Monitor | Kind::Gantry, SamplerChoice::Scan) => Samples::Squares,
+        (Kind::Monitor, SamplerChoice::Noise) => Samples::Noise,
+        (Kind::Gantry, SamplerChoice::Separable) => Samples::Crossed,
+        (Kind::Stage, _) => anyhow::bail!("--sampler {}: a stage is scanned", sampler.id()),
+        (Kind::Monitor, _) => anyhow::bail!("--sampler {}: a screen takes scan or noise", sampler.id()),
+        (Kind::Gantry, _) => anyhow::bail!("--sampler {}: a projector takes scan or separable", sampler.id()),
+    };
+    let sets = patterns::sets(rig, samples, rig.simulation.seed)?;
+    let steps = patterns::steps(rig, &sets, samples);
+    Ok((sets, steps))
 }
 
 /// The camera's sensor.
@@ -235,7 +334,10 @@ fn sensor(rig: &RigFile) -> Sensor {
 }
 
 fn virtual_scene(rig: &RigFile) -> anyhow::Result<Finding> {
-    let path = virtual_stage::cached(rig)?;
+    let path = match rig.kind {
+        Kind::Stage => virtual_stage::cached(rig)?,
+        Kind::Monitor | Kind::Gantry => virtual_emitter::cached(rig)?,
+    };
     Ok(Finding::fine(if path.is_file() {
         format!("virtual scene: traced, {}", path.display())
     } else {

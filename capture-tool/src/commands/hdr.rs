@@ -7,8 +7,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
+use relume_core::calibrate::black::Blacks;
 use relume_core::files;
-use relume_core::hdr::{self, Bracket, Curve, Exposure, Noise, Options, Relative, Response, Shot, Survey, align};
+use relume_core::hdr::{
+    self, Bracket, Curve, Exposure, Noise, Options, Patches, Relative, Response, Shot, Survey, align,
+};
 use relume_core::image::{self, EncodeOptions, SampleType};
 
 use super::{note, values};
@@ -21,6 +24,7 @@ Examples:
   relume hdr IMG_1.jpg IMG_2.jpg IMG_3.jpg -o window.exr --recover-response --save-response camera.txt
   relume hdr IMG_1.jpg IMG_2.jpg IMG_3.jpg -o window.exr --response camera.txt --align --report window.json
   relume hdr a.tif b.tif c.tif -o ball.exr --encoding linear --times 1/60,1/15,0.25 --reference middle
+  relume hdr a.png b.png c.png -o ball.exr --times 0.1,0.16,0.32 --black cap.png --recover-response --report ball.json
 
 Scale: a photograph of relative exposure s = time x (ISO / 100) / F-number^2 shows light E as x = E s, where the white
 code is 1 (with a response: where code 128 is 0.2158605, as in sRGB). OUT holds E = x / s, so brackets of one camera
@@ -29,6 +33,12 @@ share one scale, whatever their exposures. ISO and F-number count when every pho
 
 Weights: inverse variance by photons, reading and rounding. Clipped and black values are dropped, with a soft edge.
 Where every photograph is clipped the shortest is used, where all are dark the longest, and both are counted.
+
+Dark level: cameras add light to what they code (dark current, flare, an offset that keeps noise from being cut at zero).
+--black takes it off: the light of the level is subtracted from that of each code, and negative values are kept.
+
+Response of 16-bit files: recovered from means of patches, with the dark level and the sensor's noise. Exposures that are all
+one or two stops apart leave a ripple in it; steps that differ, such as 2/3 and 1 stop in turn, do not.
 
 Response file: comments behind #, then a line for each 8-bit code: CODE RED GREEN BLUE, the linear light of that code.";
 
@@ -43,16 +53,16 @@ pub struct Arguments {
     /// The picture to write, linear: .exr, .hdr or .tif.
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// The camera's response, as --save-response wrote it; for 8-bit photographs.
+    /// The camera's response, as --save-response wrote it; for photographs of integer codes.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["recover_response", "encoding"])]
     response: Option<PathBuf>,
-    /// Recover the camera's response from these photographs (Debevec and Malik 1997); for 8-bit photographs.
+    /// Recover the camera's response from these photographs (Debevec and Malik 1997); for photographs of integer codes.
     #[arg(long, conflicts_with = "encoding")]
     recover_response: bool,
     /// Write the recovered response to this text file.
     #[arg(long, value_name = "FILE", requires = "recover_response")]
     save_response: Option<PathBuf>,
-    /// Smoothness of the recovered response; larger is smoother.
+    /// Smoothness of the recovered response, of 8-bit photographs; larger is smoother.
     #[arg(long, value_name = "LAMBDA", requires = "recover_response", value_parser = values::positive,
           default_value_t = hdr::LAMBDA as f32)]
     smoothness: f32,
@@ -73,6 +83,10 @@ pub struct Arguments {
     /// clipped values pile up at one code.
     #[arg(long, value_name = "LEVEL", value_parser = values::positive)]
     clip: Option<f32>,
+    /// The dark level to subtract: a photograph taken with the cap on, of the same camera, or a number where the white
+    /// code is 1.
+    #[arg(long, value_name = "IMG|LEVEL")]
+    black: Option<BlackChoice>,
     /// Electrons of the sensor at white, at ISO 100.
     #[arg(long, value_name = "ELECTRONS", value_parser = values::positive,
           default_value_t = Noise::default().full_well_e as f32)]
@@ -115,6 +129,27 @@ impl std::str::FromStr for Reference {
     }
 }
 
+/// Where the dark level comes from.
+#[derive(Debug, Clone, PartialEq)]
+enum BlackChoice {
+    Level(f32),
+    Photograph(PathBuf),
+}
+
+impl std::str::FromStr for BlackChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match values::finite(text) {
+            Ok(level) if (0.0..0.5).contains(&level) => Ok(Self::Level(level as f32)),
+            Ok(_) => Err("a dark level is from 0 to below 0.5, where white is 1".to_owned()),
+            // A comma in a number gets its hint; what has a letter is a file.
+            Err(hint) if !text.contains(char::is_alphabetic) => Err(hint),
+            Err(_) => Ok(Self::Photograph(PathBuf::from(text))),
+        }
+    }
+}
+
 /// How light is found from codes.
 #[derive(Debug, Clone, PartialEq)]
 enum CurvePlan {
@@ -136,6 +171,7 @@ struct Plan {
     align: bool,
     reference: Option<usize>,
     clip: Option<f32>,
+    black: Option<BlackChoice>,
     noise: Noise,
     report: Option<PathBuf>,
 }
@@ -151,6 +187,10 @@ impl Arguments {
         image::check_output(&self.output)?;
         for path in [&self.save_response, &self.report].into_iter().flatten() {
             files::check_folder(path)?;
+        }
+        if let Some(BlackChoice::Photograph(path)) = &self.black {
+            // A wrong name is wrong before the work.
+            image::probe_size(path)?;
         }
         if let [only] = &self.images[..] {
             bail!("{} is one photograph; a bracket has at least two, at different exposures", only.display());
@@ -181,6 +221,7 @@ impl Arguments {
             align: self.align,
             reference,
             clip: self.clip,
+            black: self.black,
             noise: Noise { full_well_e: f64::from(self.full_well), read_e: f64::from(self.read_noise) },
             report: self.report,
         })
@@ -229,12 +270,10 @@ impl Plan {
         let order = self.order();
         let offsets = if self.align { self.offsets(&order, &mut load)? } else { vec![[0; 2]; self.images.len()] };
 
-        let survey = survey(&order, &offsets, sample_type, &mut load)?;
-        let found_clip = survey.clip();
+        let looked = Looked::at(&order, &offsets, sample_type, &mut load)?;
+        let found_clip = looked.survey.clip();
         let clip = self.clip.map_or(found_clip, |level| [Some(level); 3]);
         let levels = clip.map(|level| level.unwrap_or(f32::INFINITY));
-        let (curve, recovery) = self.curve(&survey, &order, levels, sample_type)?;
-
         let shots: Vec<Shot> = (0..self.images.len())
             .map(|i| Shot {
                 exposure: self.relative.values[i],
@@ -242,8 +281,13 @@ impl Plan {
                 offset: offsets[i],
             })
             .collect();
+        let black = self.black(sample_type)?;
+        let ordered: Vec<Shot> = order.iter().map(|i| shots[*i]).collect();
+        let known = hdr::Known { shots: &ordered, clip: levels, black, noise: self.noise };
+        let (curve, recovery) = self.curve(&looked, &known, sample_type)?;
+
         let reference = self.reference.map_or(1.0, |i| self.relative.values[i]);
-        let options = Options { clip: levels, noise: self.noise, reference, ..Options::new(curve, sample_type) };
+        let options = Options { curve, sample_type, clip: levels, noise: self.noise, black, reference };
         let mut merged = hdr::merge(&shots, &options, &mut load)?;
         if let Some(matrix) = bracket.to_rec709() {
             hdr::apply_matrix(&mut merged.image, &matrix);
@@ -302,11 +346,31 @@ impl Plan {
         Ok(offsets.iter().map(|o| [o[0] - x, o[1] - y]).collect())
     }
 
+    /// The code of no light, each channel.
+    fn black(&self, sample_type: SampleType) -> anyhow::Result<[f32; 3]> {
+        let path = match &self.black {
+            None => return Ok([0.0; 3]),
+            Some(BlackChoice::Level(level)) => return Ok([*level; 3]),
+            Some(BlackChoice::Photograph(path)) => path,
+        };
+        let (codes, black_type) = image::read_codes(path)?;
+        if black_type != sample_type {
+            bail!("{}: its samples are not of the type of the photographs'; take all with one camera", path.display());
+        }
+        // In codes: without light the curve, which may not be known yet, is straight over what noise spans.
+        let mut blacks = Blacks::new(Curve::Linear, sample_type);
+        blacks.add(&codes.into_rgb(), 1.0)?;
+        let level = blacks.finish()?.level;
+        if level.iter().any(|v| *v > BRIGHT_BLACK) {
+            note(&format!("{} is bright for a black photograph: levels {level:.3?} of white", path.display()));
+        }
+        Ok(level)
+    }
+
     fn curve(
         &self,
-        survey: &Survey,
-        order: &[usize],
-        clip: [f32; 3],
+        looked: &Looked,
+        known: &hdr::Known,
         sample_type: SampleType,
     ) -> anyhow::Result<(Curve, Option<hdr::RecoveryReport>)> {
         match &self.curve {
@@ -314,16 +378,19 @@ impl Plan {
             CurvePlan::Encoding(EncodingChoice::Srgb) => Ok((Curve::Srgb, None)),
             CurvePlan::Encoding(EncodingChoice::Auto) if sample_type == SampleType::Float => Ok((Curve::Linear, None)),
             CurvePlan::Encoding(EncodingChoice::Auto) => Ok((Curve::Srgb, None)),
-            _ if !matches!(sample_type, SampleType::Jpeg | SampleType::U8) => {
+            _ if sample_type == SampleType::Float => {
                 bail!(
-                    "{}: a response is for 8-bit photographs; say --encoding linear or --encoding srgb for this one",
+                    "{}: a response is for photographs of integer codes; say --encoding linear or --encoding srgb for this one",
                     self.names[0]
                 )
             }
             CurvePlan::Response(response) => Ok((Curve::Response(response.clone()), None)),
             CurvePlan::Recover { lambda, save } => {
-                let exposures: Vec<f64> = order.iter().map(|i| self.relative.values[*i]).collect();
-                let recovered = hdr::recover(&survey.samples(), &exposures, clip, *lambda)?;
+                let exposures: Vec<f64> = known.shots.iter().map(|s| s.exposure).collect();
+                let recovered = match &looked.patches {
+                    Some(patches) => hdr::recover_deep(&patches.samples(), known)?,
+                    None => hdr::recover(&looked.survey.samples(), &exposures, known.clip, *lambda)?,
+                };
                 if let Some(path) = save {
                     recovered.response.write(path)?;
                 }
@@ -333,17 +400,35 @@ impl Plan {
     }
 }
 
+/// A black photograph above this share of white has light in it: dark levels of cameras lie below a tenth, a film's curve
+/// lifts them.
+const BRIGHT_BLACK: f32 = 0.25;
+
+/// What one look at each photograph gives.
+struct Looked {
+    survey: Survey,
+    /// Of codes deeper than 8 bits.
+    patches: Option<Patches>,
+}
+
 /// Loads a photograph by index, and counts.
 type Load<'a> = &'a mut dyn FnMut(usize) -> relume_core::Result<std::sync::Arc<image::Image>>;
 
-fn survey(order: &[usize], offsets: &[[i32; 2]], sample_type: SampleType, load: Load) -> anyhow::Result<Survey> {
-    let mut survey: Option<Survey> = None;
-    for &index in order {
-        let image = load(index)?;
-        let survey = survey.get_or_insert_with(|| Survey::new(image.width(), image.height(), sample_type));
-        survey.add(&image, offsets[index]);
+impl Looked {
+    fn at(order: &[usize], offsets: &[[i32; 2]], sample_type: SampleType, load: Load) -> anyhow::Result<Self> {
+        let mut looked: Option<Self> = None;
+        for &index in order {
+            let image = load(index)?;
+            let (w, h) = image.size();
+            let looked = looked.get_or_insert_with(|| Self {
+                survey: Survey::new(w, h, sample_type),
+                patches: (sample_type == SampleType::U16).then(|| Patches::new(w, h)),
+            });
+            looked.survey.add(&image, offsets[index]);
+            looked.patches.iter_mut().for_each(|patches| patches.add(&image, offsets[index]));
+        }
+        looked.ok_or_else(|| anyhow::anyhow!("no photograph"))
     }
-    survey.ok_or_else(|| anyhow::anyhow!("no photograph"))
 }
 
 /// The name of a file alone.
@@ -363,12 +448,13 @@ mod tests {
     #[test]
     fn flags_reach_the_plan() {
         let line = "hdr a.tif b.tif c.tif -o out.exr --times 1/60,4,0.25 --encoding linear --align --reference middle \
-                    --clip 0.9 --full-well 5000 --read-noise 2";
+                    --clip 0.9 --full-well 5000 --read-noise 2 --black 0.016";
         let plan = parse(line).unwrap().plan().unwrap();
         assert_eq!(plan.relative.values, [1.0 / 60.0, 4.0, 0.25]);
         assert_eq!((plan.reference, plan.clip, plan.align, plan.from_exif), (Some(2), Some(0.9), true, false));
         assert_eq!(plan.curve, CurvePlan::Encoding(EncodingChoice::Linear));
         assert_eq!(plan.noise, Noise { full_well_e: 5000.0, read_e: 2.0 });
+        assert_eq!(plan.black, Some(BlackChoice::Level(0.016)));
         assert_eq!(plan.order(), [0, 2, 1]);
     }
 
@@ -383,6 +469,9 @@ mod tests {
             "hdr a.jpg b.jpg -o out.exr --reference 0",
             "hdr a.jpg b.jpg -o out.exr --clip 0",
             "hdr a.jpg b.jpg -o out.exr --read-noise nan",
+            "hdr a.jpg b.jpg -o out.exr --black 0,02",
+            "hdr a.jpg b.jpg -o out.exr --black 0.7",
+            "hdr a.jpg b.jpg -o out.exr --black -0.1",
         ] {
             assert!(parse(line).is_err(), "{line}");
         }
@@ -401,6 +490,7 @@ mod tests {
             ("hdr a.jpg b.jpg -o out.exr --times 1,2 --reference 3", "there are 2 photographs"),
             ("hdr a.jpg b.jpg -o out.exr --times 1,2 --report absent/r.json", "does not exist"),
             ("hdr absent.jpg b.jpg -o out.exr", "absent.jpg"),
+            ("hdr a.jpg b.jpg -o out.exr --times 1,2 --black cap.png", "cap.png"),
         ] {
             let message = format!("{:#}", parse(line).unwrap().plan().unwrap_err());
             assert!(message.contains(words), "{line}: {message}");

@@ -55,7 +55,10 @@ impl Irradiances {
             Some([x, y, radius]) => Circle { x, y, radius },
             None => find_ball(&mean(&pictures), "the white ball")?,
         };
-        let ball = Ball::new(circle, Lens::Far);
+        let (width, height) = pictures[0].size();
+        let centre = [0.5 * width as f64, 0.5 * height as f64];
+        let lens = setting.focal_px.map_or(Lens::Far, |focal_px| Lens::Pinhole { centre, focal_px });
+        let ball = Ball::new(circle, lens);
         let directions = stage.lamps.directions();
         let mut found: Vec<Option<[f32; 3]>> = vec![None; stage.lamps.per_stop()];
         let mut doubts = Vec::new();

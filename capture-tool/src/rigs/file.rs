@@ -208,6 +208,9 @@ pub struct WhiteBall {
     /// Its middle and radius in the picture, pixels; left out, its outline is found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub circle_px: Option<[f64; 3]>,
+    /// Focal length of the lens, pixels; left out, the camera is taken as far away.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focal_px: Option<f64>,
 }
 
 /// What virtual devices show.

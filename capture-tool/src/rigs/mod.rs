@@ -7,10 +7,14 @@
 //! | [`Lamps`] | where the lamps of a stage stand, and at which stop of the turntable each is lit |
 //! | [`Rig`] | the trait that devices, real or virtual, are driven through |
 //! | [`virtual_stage`] | a stage whose light is computed |
+//! | [`virtual_emitter`] | the same of a screen or a projector |
+//! | `cache` | where computed scenes are kept |
 
+mod cache;
 mod condition;
 mod file;
 mod lamps;
+pub mod virtual_emitter;
 pub mod virtual_stage;
 
 pub use condition::Condition;

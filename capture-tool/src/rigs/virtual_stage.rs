@@ -3,7 +3,6 @@
 //! The picture under lamp j is `T_j E_j g + S`: `E_j` its irradiance, `g` the drift, `S` the ambient light. `T` is a field of
 //! its own, kept in the cache folder under a name made of all that it depends on.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, PoisonError};
 
@@ -17,6 +16,7 @@ use relume_core::relight::{Weights, apply};
 use relume_core::simulate::{Camera, FarLamp, Quality, Scene, Stage, WhiteBall, classes};
 use relume_core::{Error, Result};
 
+use super::cache;
 use super::{Condition, Lamps, Rig, RigFile, StageRig};
 use crate::capture::Step;
 use crate::devices::rehearsal::Fault;
@@ -145,7 +145,7 @@ impl Rig for VirtualStage {
         if self.faults.iter().any(|f| matches!(f, Fault::Bump(at) if self.emitted >= *at)) {
             light = shifted(&light, BUMP_PX);
         }
-        let seed = self.rig.simulation.seed ^ (step.index + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let seed = noise_seed(&self.rig, step);
         *self.window.lock().unwrap_or_else(PoisonError::into_inner) = Some(View { light: Arc::new(light), seed });
         Ok(())
     }
@@ -187,35 +187,22 @@ fn under_constant(transport: &Asset, radiance: f32) -> Result<Image> {
 }
 
 /// Where the traced scene of a rig lies.
+///
+/// # Errors
+/// No home folder.
 pub fn cached(rig: &RigFile) -> Result<PathBuf> {
-    let simulation = &rig.simulation;
     let lamps = rig.stage.as_ref().map(|stage| stage.lamps.directions());
-    let told = format!(
-        "{} still-life 1 {} {} {} {} {lamps:?}",
-        env!("CARGO_PKG_VERSION"),
-        simulation.width,
-        simulation.height,
-        simulation.samples,
-        simulation.seed
-    );
-    let hash = blake3::hash(told.as_bytes()).to_hex();
-    Ok(cache_folder()?.join(format!("virtual-{}.rfield", &hash.as_str()[..16])))
+    cache::file(rig, &format!("still-life {lamps:?}"), "rfield")
 }
 
-/// `RELUME_CACHE`, or the system's folder for what can be made again.
-fn cache_folder() -> Result<PathBuf> {
-    let folder = std::env::var_os("RELUME_CACHE").map(PathBuf::from);
-    folder.or_else(|| dirs::cache_dir().map(|folder| folder.join("relume"))).ok_or_else(|| {
-        Error::invalid("the cache folder", "no home folder", "one, or its name in the variable RELUME_CACHE")
-    })
+/// Start of a photograph's noise: the same whenever the step is photographed.
+pub fn noise_seed(rig: &RigFile, step: &Step) -> u64 {
+    rig.simulation.seed ^ (step.index + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 
 fn traced(rig: &RigFile, lamps: &Lamps, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Asset> {
     let path = cached(rig)?;
     if !path.is_file() {
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(|source| Error::io("create", folder, source))?;
-        }
         trace(rig, lamps, &path, progress)?;
     }
     Asset::open(&path, Access::Mapped)
@@ -245,7 +232,7 @@ fn trace(rig: &RigFile, lamps: &Lamps, path: &Path, progress: &mut dyn FnMut(u64
 }
 
 /// The picture moved to the right; what comes in at the left is its edge.
-fn shifted(picture: &Image, by_px: f32) -> Image {
+pub fn shifted(picture: &Image, by_px: f32) -> Image {
     let by = by_px.round() as usize;
     Image::from_fn(picture.width(), picture.height(), |x, y| {
         let pixel = picture.pixel(x.saturating_sub(by), y);

@@ -4,9 +4,16 @@
 //! [`survey`] -> highlights -> [`lamps`] (which is the lamp, and what is doubtful) -> a `.lp` file and a
 //! [`lamp_table`].
 //!
+//! What else a rig is held against, from photographs of its own: dark level and ambient light, intensities, movement, drift,
+//! linearity.
+//!
 //! | part | what it holds |
 //! |---|---|
 //! | [`black`] | the dark level and the ambient light, from black photographs |
+//! | [`white_ball`] | how bright lamps are, from pictures of a matt white ball |
+//! | [`movement`] | has object or camera moved between two pictures of one condition? |
+//! | [`drift`] | gains of lamps over time, from a repeated reference |
+//! | [`linearity`] | do the lamps' pictures add up to that of all? |
 //! | [`ball`] | the outline of a ball in a photograph |
 //! | [`reflect`] | which way light came that is seen at a pixel of a ball |
 //! | [`highlight`] | highlights on a ball in one photograph |
@@ -22,10 +29,13 @@
 pub mod ball;
 pub mod black;
 pub mod chart;
+pub mod drift;
 pub mod failed;
 pub mod highlight;
 pub mod lamp_table;
 pub mod lamps;
+pub mod linearity;
+pub mod movement;
 pub mod near;
 pub mod overrides;
 pub mod reflect;
@@ -33,5 +43,6 @@ pub mod survey;
 #[cfg(test)]
 mod tests;
 mod white;
+pub mod white_ball;
 
 pub use white::{Correction, patch, white};

@@ -132,6 +132,13 @@ impl Merger {
         &self.decoder
     }
 
+    /// Light of the clipping level (where nothing clips, of the white code) above the dark level, in the channel that clips
+    /// first.
+    pub fn white(&self) -> f64 {
+        let level = |c: usize| if self.options.clip[c].is_finite() { self.options.clip[c] } else { 1.0 };
+        (0..3).map(|c| f64::from(self.decoder.value(c, level(c)))).fold(f64::INFINITY, f64::min)
+    }
+
     /// As [`merge`].
     ///
     /// # Errors

@@ -17,11 +17,13 @@
 //! | [`align`] | how far photographs are shifted against each other (Ward 2003) |
 //! | `survey` | where they clip; pixels to recover a response from |
 //! | `recover` | the response from photographs (Debevec and Malik 1997) |
+//! | `patches`, `recover_deep` | the same of codes deeper than 8 bits, with a dark level and the sensor's noise |
 //! | `response` | a camera's response, and its file |
 //! | `curve` | codes to light above the dark level, and what rounding costs |
 //! | `noise` | how far a sensor strays |
 //! | `merge` | the weighted mean of least variance |
 //! | `report` | what was clipped, dark and used |
+//! | [`series`] | which exposures to take; is a bracket complete? |
 //! | `raw` | camera raw files, where the feature `raw` is built in |
 
 pub mod align;
@@ -30,11 +32,14 @@ mod curve;
 mod exposure;
 mod merge;
 mod noise;
+mod patches;
 #[cfg(feature = "raw")]
 mod raw;
 mod recover;
+mod recover_deep;
 mod report;
 mod response;
+pub mod series;
 mod survey;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -46,7 +51,9 @@ pub use curve::{Curve, Decoder};
 pub use exposure::{Exposure, Relative, parse_time, relative};
 pub use merge::{Merged, Merger, Options, Shot, merge};
 pub use noise::Noise;
+pub use patches::{Mean, Patch, Patches};
 pub use recover::{LAMBDA, Recovered, RecoveryReport, recover};
+pub use recover_deep::{Known, recover_deep};
 pub use report::{Report, Shares, Use};
 pub use response::{ANCHOR, CODES, Response};
 pub use survey::{Sample, Survey};

@@ -51,7 +51,7 @@ pub struct Recovered {
 pub struct RecoveryReport {
     /// Pixels used.
     pub samples: usize,
-    /// Smoothness.
+    /// Smoothness; of deep codes the deviation of the prior.
     pub lambda: f64,
     /// Lowest and highest code that the samples of each channel saw; beyond, the curve is continued.
     pub codes: [[u8; 2]; 3],
@@ -59,6 +59,8 @@ pub struct RecoveryReport {
     pub codes_made_monotone: [usize; 3],
     /// Root mean square of `g - ln E - ln t` over the samples of each channel, in stops.
     pub residual_ev: [f64; 3],
+    /// What a person should know, a sentence each.
+    pub doubts: Vec<String>,
 }
 
 /// Recovers the response. `samples` hold a code for each photograph in the order of `exposures` (any unit); codes of
@@ -81,6 +83,7 @@ pub fn recover(samples: &[Sample], exposures: &[f64], clip: [f32; 3], lambda: f6
         codes: [[0; 2]; 3],
         codes_made_monotone: [0; 3],
         residual_ev: [0.0; 3],
+        doubts: Vec::new(),
     };
     for (c, name) in ["red", "green", "blue"].into_iter().enumerate() {
         let highest = limits[c];
@@ -97,7 +100,7 @@ pub fn recover(samples: &[Sample], exposures: &[f64], clip: [f32; 3], lambda: f6
     Ok(Recovered { response: Response::new("recovered response", light)?, report })
 }
 
-fn check_exposures(exposures: &[f64]) -> Result<()> {
+pub(super) fn check_exposures(exposures: &[f64]) -> Result<()> {
     let (low, high) = exposures.iter().fold((f64::INFINITY, 0f64), |(l, h), t| (l.min(*t), h.max(*t)));
     if high / low >= LEAST_RATIO {
         return Ok(());
@@ -133,7 +136,7 @@ fn check_coverage(pixels: &[Vec<(u8, f64)>], channel: &str) -> Result<[u8; 2]> {
     ))
 }
 
-fn check_residual(ev: f64, channel: &str) -> Result<f64> {
+pub(super) fn check_residual(ev: f64, channel: &str) -> Result<f64> {
     if ev <= MOST_RESIDUAL_EV {
         return Ok(ev);
     }
@@ -187,18 +190,21 @@ fn solve(pixels: &[Vec<(u8, f64)>], hat: Hat, lambda: f64) -> Result<([f64; CODE
     }
     // The scale: g(128) = 0, weighted as the data so that the matrix stays well scaled.
     a[(ANCHOR, ANCHOR)] += certainty.iter().copied().fold(1.0, f64::max);
-    let undetermined = || Error::invalid("the photographs", "a response they do not determine", "more exposures");
     let g = a.cholesky().ok_or_else(undetermined)?.solve(&b);
     let anchor = g[ANCHOR];
     Ok((std::array::from_fn(|z| g[z] - anchor), certainty))
 }
 
+pub(super) fn undetermined() -> Error {
+    Error::invalid("the photographs", "a response they do not determine", "more exposures")
+}
+
 /// The nearest curve, in the weighted sense, that rises by [`LEAST_RISE`] at least: pool adjacent violators (R. Barlow et
 /// al., "Statistical Inference under Order Restrictions", 1972) on g less that rise. Also says how many codes changed.
-fn isotonic(g: &[f64; CODES], certainty: &[f64; CODES]) -> ([f64; CODES], usize) {
+pub(super) fn isotonic(g: &[f64], certainty: &[f64]) -> (Vec<f64>, usize) {
     // Blocks of mean, weight, count.
-    let mut blocks: Vec<(f64, f64, usize)> = Vec::with_capacity(CODES);
-    for z in 0..CODES {
+    let mut blocks: Vec<(f64, f64, usize)> = Vec::with_capacity(g.len());
+    for z in 0..g.len() {
         let mut block = (g[z] - LEAST_RISE * z as f64, certainty[z], 1);
         while let Some(last) = blocks.pop_if(|last| last.0 > block.0) {
             let weight = last.1 + block.1;
@@ -208,13 +214,11 @@ fn isotonic(g: &[f64; CODES], certainty: &[f64; CODES]) -> ([f64; CODES], usize)
     }
     let raised = blocks.iter().filter(|b| b.2 > 1).map(|b| b.2).sum();
     let means = blocks.iter().flat_map(|b| std::iter::repeat_n(b.0, b.2));
-    let mut rising = [0.0; CODES];
-    rising.iter_mut().zip(means).enumerate().for_each(|(z, (r, mean))| *r = mean + LEAST_RISE * z as f64);
-    (rising, raised)
+    (means.enumerate().map(|(z, mean)| mean + LEAST_RISE * z as f64).collect(), raised)
 }
 
 /// Root mean square of what the data term of eq. 3 leaves, in natural logarithms.
-fn residual(pixels: &[Vec<(u8, f64)>], hat: Hat, g: &[f64; CODES]) -> f64 {
+fn residual(pixels: &[Vec<(u8, f64)>], hat: Hat, g: &[f64]) -> f64 {
     let (mut sum, mut total) = (0.0, 0.0);
     for pixel in pixels {
         let terms = || pixel.iter().map(|(z, t)| (hat.weight(usize::from(*z)).powi(2), g[usize::from(*z)] - t));

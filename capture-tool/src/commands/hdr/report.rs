@@ -33,6 +33,8 @@ pub(super) struct Report {
     response: Option<RecoveryReport>,
     /// Samples from here on count as clipped, red, green, blue; null where nothing piles up.
     clip: [Option<f32>; 3],
+    /// Code of no light, red, green, blue; zeros where nothing is subtracted.
+    black: [f32; 3],
     full_well_e: f64,
     read_e: f64,
     photographs: Vec<Photograph>,
@@ -93,6 +95,7 @@ impl Report {
             },
             response,
             clip,
+            black: options.black,
             full_well_e: options.noise.full_well_e,
             read_e: options.noise.read_e,
             photographs: (0..shots.len()).map(photograph).collect(),
@@ -111,7 +114,7 @@ impl Report {
 
     /// What the person should look at.
     pub(super) fn doubts(&self) -> Vec<String> {
-        let mut doubts = Vec::new();
+        let mut doubts: Vec<String> = self.response.iter().flat_map(|r| r.doubts.clone()).collect();
         for photograph in &self.photographs {
             match photograph.usage.deviation_ev {
                 Some(ev) if ev.abs() > DOUBTFUL_EV => doubts.push(format!(
@@ -151,13 +154,17 @@ impl Report {
             let [red, green, blue] = r.residual_ev;
             let _ = writeln!(
                 text,
-                "response from {} pixels; they disagree by {red:.3}, {green:.3}, {blue:.3} stops (R, G, B, rms)",
+                "response from {} places; they disagree by {red:.3}, {green:.3}, {blue:.3} stops (R, G, B, rms)",
                 r.samples
             );
             if r.codes_made_monotone != [0; 3] {
                 let [red, green, blue] = r.codes_made_monotone;
                 let _ = writeln!(text, "made to rise by isotonic regression: {red}, {green}, {blue} of 256 codes");
             }
+        }
+        if self.black != [0.0; 3] {
+            let [red, green, blue] = self.black.map(|v| 100.0 * v);
+            let _ = writeln!(text, "dark level subtracted: {red:.2}, {green:.2}, {blue:.2} % of the white code");
         }
         self.table(&mut text);
         let percent = |share: f64| format!("{:.3} %", 100.0 * share);

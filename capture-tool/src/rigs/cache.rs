@@ -1,0 +1,39 @@
+//! Traced scenes: kept under a name made of all that they depend on.
+
+use std::fs;
+use std::path::PathBuf;
+
+use relume_core::{Error, Result};
+
+use super::RigFile;
+
+/// Counts changes of the virtual scenes, so that older traces are not taken for new ones.
+const SCENES: u32 = 1;
+
+/// The file of a rig's scene, in a folder that is there.
+///
+/// # Errors
+/// No home folder; a folder that cannot be made.
+pub fn file(rig: &RigFile, geometry: &str, extension: &str) -> Result<PathBuf> {
+    let simulation = &rig.simulation;
+    let told = format!(
+        "{} {SCENES} {} {} {} {} {geometry}",
+        env!("CARGO_PKG_VERSION"),
+        simulation.width,
+        simulation.height,
+        simulation.samples,
+        simulation.seed
+    );
+    let hash = blake3::hash(told.as_bytes()).to_hex();
+    Ok(folder()?.join(format!("virtual-{}.{extension}", &hash.as_str()[..16])))
+}
+
+/// `RELUME_CACHE`, or the system's folder for what can be made again.
+fn folder() -> Result<PathBuf> {
+    let folder = std::env::var_os("RELUME_CACHE").map(PathBuf::from);
+    let folder = folder.or_else(|| dirs::cache_dir().map(|folder| folder.join("relume"))).ok_or_else(|| {
+        Error::invalid("the cache folder", "no home folder", "one, or its name in the variable RELUME_CACHE")
+    })?;
+    fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
+    Ok(folder)
+}

@@ -1,0 +1,199 @@
+//! A screen, or a projector at many positions, whose light is computed.
+//!
+//! The picture under a pattern is `T L`: `L` what the display makes of the codes it is given ([`Screen`]: a gamma that the operator
+//! may not know, a black that is not black), `T` traced once and kept in the cache folder.
+
+use std::path::PathBuf;
+use std::sync::{Arc, PoisonError};
+
+use relume_core::domain::patterns::PatternSet;
+use relume_core::domain::{Bits, Emitter, EmitterCurve};
+use relume_core::image::{Encoding, Image, read};
+use relume_core::simulate::{Camera, Gantry, Monitor, Progress, Quality, Rows, Scene, Screen};
+use relume_core::{Error, Result};
+
+use super::cache;
+use super::{Condition, EmitterChoice, GantryRig, Rig, RigFile};
+use crate::capture::Step;
+use crate::capture::patterns::Sets;
+use crate::devices::rehearsal::Fault;
+use crate::devices::virtual_camera::{View, Window};
+use crate::devices::{Finding, Trouble};
+
+/// Radius of the virtual projector's lens, scene units: mirrors see it as a small disc.
+const LENS_RADIUS: f32 = 0.04;
+
+/// The display.
+#[derive(Debug)]
+pub struct VirtualEmitter {
+    rig: RigFile,
+    rows: Rows,
+    display: Screen,
+    /// What the operator takes its curve for.
+    assumed: Emitter,
+    sets: Sets,
+    references: PathBuf,
+    window: Window,
+    faults: Vec<Fault>,
+    emitted: u64,
+}
+
+impl VirtualEmitter {
+    /// Opens (or first traces) the scene. `references` is where pictures to be shown lie. `progress(rows done, rows)` may stop it.
+    ///
+    /// # Errors
+    /// A cache folder that cannot be written to; a request to stop.
+    pub fn new(
+        rig: &RigFile,
+        sets: Sets,
+        references: PathBuf,
+        window: Window,
+        faults: &[Fault],
+        progress: &mut Progress<'_>,
+    ) -> Result<Self> {
+        let rows = traced(rig, progress)?;
+        let white = [rig.simulation.irradiance as f32; 3];
+        let (display, curve) = match (&rig.monitor, &rig.gantry) {
+            (Some(monitor), _) => (Screen { white, ..Screen::monitor() }, monitor.curve),
+            (None, Some(gantry)) => (Screen { white, ..Screen::projector() }, gantry.curve),
+            (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
+        };
+        let curve = match curve {
+            EmitterChoice::Linear => EmitterCurve::Linear,
+            EmitterChoice::Srgb => EmitterCurve::Srgb,
+        };
+        let assumed = Emitter::new(&curve, Bits::Eight);
+        let rig = rig.clone();
+        Ok(Self { rig, rows, display, assumed, sets, references, window, faults: faults.to_vec(), emitted: 0 })
+    }
+
+    /// The codes of a condition, one for each texel or square of one position.
+    fn codes(&self, condition: &Condition) -> Result<Vec<[u8; 3]>> {
+        let grids = self.rows.grids();
+        let all = |code: u8| vec![[code; 3]; grids.columns * grids.rows];
+        match condition {
+            Condition::Black { .. } => Ok(all(0)),
+            Condition::White { .. } => Ok(all(255)),
+            Condition::Pattern { set, number, .. } => {
+                let known = self.sets.get(set).filter(|s| *number < s.len());
+                let set = known.ok_or_else(|| Error::invalid("pattern", condition.to_string(), "one of the rig's"))?;
+                Ok(pattern_codes(set, *number, &self.assumed))
+            }
+            Condition::Picture(name) => self.picture(name),
+            other => Err(Error::invalid("virtual display", other.to_string(), "black, white, a pattern or a picture")),
+        }
+    }
+
+    /// A picture's codes as they stand in its file, at the display's size.
+    fn picture(&self, name: &str) -> Result<Vec<[u8; 3]>> {
+        let path = self.references.join(name);
+        let picture = read(&path, Encoding::Linear)?.into_rgb();
+        let grids = self.rows.grids();
+        let (w, h) = picture.size();
+        let code = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let texel = |at: usize| {
+            let (x, y) = (at % grids.columns, at / grids.columns);
+            let pixel = picture.pixel((2 * x + 1) * w / (2 * grids.columns), (2 * y + 1) * h / (2 * grids.rows));
+            [code(pixel[0]), code(pixel[1]), code(pixel[2])]
+        };
+        Ok((0..grids.columns * grids.rows).map(texel).collect())
+    }
+
+    fn light(&self, condition: &Condition) -> Result<Image> {
+        let grids = self.rows.grids();
+        let here = grids.columns * grids.rows;
+        let codes = self.codes(condition)?;
+        let channels: [Vec<[f32; 3]>; 3] =
+            std::array::from_fn(|c| self.display.emitted(&codes.iter().map(|rgb| rgb[c]).collect::<Vec<u8>>()));
+        let first = condition.stop(1) * here;
+        let mut emitted = vec![[0.0; 3]; grids.elements()];
+        for (n, light) in emitted[first..first + here].iter_mut().enumerate() {
+            *light = std::array::from_fn(|c| channels[c][n][c]);
+        }
+        self.rows.photograph(&emitted)
+    }
+}
+
+/// Codes of a pattern; grey.
+fn pattern_codes(set: &PatternSet, number: usize, assumed: &Emitter) -> Vec<[u8; 3]> {
+    let pattern = set.pattern(number);
+    let codes = if set.is_codes() {
+        pattern.values.iter().map(|v| (v * 255.0).round() as u16).collect()
+    } else {
+        pattern.codes(assumed)
+    };
+    codes.into_iter().map(|code| [code.min(255) as u8; 3]).collect()
+}
+
+impl Rig for VirtualEmitter {
+    fn preflight(&mut self) -> Vec<Finding> {
+        let grids = self.rows.grids();
+        let text = match self.rig.gantry {
+            Some(_) => format!("projector: virtual, {} positions of {} x {}", grids.layers, grids.columns, grids.rows),
+            None => format!("screen: virtual, {} x {} texels", grids.columns, grids.rows),
+        };
+        vec![Finding::fine(text)]
+    }
+
+    fn emit(&mut self, step: &Step) -> Result<(), Trouble> {
+        self.emitted += 1;
+        let mut light = self.light(&step.condition)?;
+        if self.faults.iter().any(|f| matches!(f, Fault::Bump(at) if self.emitted >= *at)) {
+            light = super::virtual_stage::shifted(&light, super::virtual_stage::BUMP_PX);
+        }
+        let seed = super::virtual_stage::noise_seed(&self.rig, step);
+        *self.window.lock().unwrap_or_else(PoisonError::into_inner) = Some(View { light: Arc::new(light), seed });
+        Ok(())
+    }
+
+    fn dark(&mut self) -> Result<(), Trouble> {
+        *self.window.lock().unwrap_or_else(PoisonError::into_inner) = None;
+        Ok(())
+    }
+}
+
+/// Where the traced scene of a rig lies.
+///
+/// # Errors
+/// No home folder.
+pub fn cached(rig: &RigFile) -> Result<PathBuf> {
+    let geometry = match (&rig.monitor, &rig.gantry) {
+        (Some(monitor), _) => format!("monitor {} {}", monitor.columns, monitor.rows),
+        (None, Some(GantryRig { squares, distance, view_deg, positions, .. })) => {
+            format!("gantry {squares} {distance} {view_deg} {:?}", positions.directions())
+        }
+        (None, None) => String::new(),
+    };
+    cache::file(rig, &geometry, "rows")
+}
+
+fn traced(rig: &RigFile, progress: &mut Progress<'_>) -> Result<Rows> {
+    let path = cached(rig)?;
+    if path.is_file() {
+        return Rows::load(&path);
+    }
+    let simulation = &rig.simulation;
+    let (width, height) = (simulation.width, simulation.height);
+    let quality = Quality { samples: simulation.samples, seed: simulation.seed, ..Quality::default() };
+    let rows = match (&rig.monitor, &rig.gantry) {
+        (Some(monitor), _) => {
+            Monitor::demo(Camera::monitor(width, height), (monitor.columns, monitor.rows)).trace(&quality, progress)?
+        }
+        (None, Some(gantry)) => virtual_gantry(gantry, Camera::gantry(width, height)).trace(&quality, progress)?,
+        (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
+    };
+    rows.save(&path)?;
+    Ok(rows)
+}
+
+fn virtual_gantry(rig: &GantryRig, camera: Camera) -> Gantry {
+    let places = rig.positions.directions().into_iter().map(|d| d.cast::<f32>() * rig.distance as f32);
+    Gantry {
+        scene: Scene::gantry(),
+        camera,
+        positions: places.collect(),
+        view_rad: rig.view_deg.to_radians() as f32,
+        squares: rig.squares,
+        lens_radius: LENS_RADIUS,
+    }
+}
