@@ -532,7 +532,8 @@ mod tests {
         let parts = || file(vec![part("a"), part("b")]);
         let mut nan = picture(1);
         nan.pixel_mut(3, 4)[1] = f32::NAN;
-        let mut bad: Vec<(Box<dyn FnMut(usize) -> Result<Image>>, &str)> = vec![
+        type Source = Box<dyn FnMut(usize) -> Result<Image>>;
+        let mut bad: Vec<(Source, &str)> = vec![
             (Box::new(|n| if n == 0 { Ok(picture(0)) } else { Err(Error::Cancelled) }), "stopped on request"),
             (Box::new(move |n| if n == 0 { Ok(picture(0)) } else { Ok(nan.clone()) }), "b, pixel (3, 4), channel G"),
             (Box::new(|_| Ok(Image::new(3, 3, 3))), "expected 37 x 29 x 3"),
