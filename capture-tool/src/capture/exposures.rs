@@ -59,7 +59,7 @@ impl<'a> Exposures<'a> {
         let camera = &self.rig.camera;
         let records = Records::read(session.root())?;
         let shows_ball = |p: &Photograph| matches!(p.condition, Condition::WhiteBall(_));
-        let wanted = wanted(camera);
+        let wanted = wanted(camera, of);
         let developer = Developer::for_previews(&records, camera)?;
         let mut extent: Option<Extent> = None;
         for preview in records.of(Role::Preview).filter(|p| shows_ball(p) == (of == Role::WhiteBall)) {
@@ -105,7 +105,7 @@ impl<'a> Exposures<'a> {
         let exposures: Vec<Exposure> = shots.iter().map(|shot| shot.exposure).collect();
         // Remarks are a convenience: what cannot be told is not said.
         let merged = developer.as_ref().and_then(|developer| developer.merge(&exposures, thumbnails).ok());
-        let wanted = wanted(camera);
+        let wanted = wanted(camera, Role::Sample);
         merged.map_or_else(Vec::new, |merged| series::check(&merged.report, &wanted))
     }
 }
@@ -113,8 +113,10 @@ impl<'a> Exposures<'a> {
 /// What brackets should hold. Glints of single lamps on mirrors are few pixels and much of the light: they must not clip. They
 /// are 9 stops and more above white paper under the same lamp (a lamp's cell of 0.005 sr against pi), whose shades are
 /// wanted over another 6.
-fn wanted(camera: &CameraRig) -> Wanted {
-    Wanted { step_stops: camera.step_stops, clipped: 1e-5, stops: 15.0, ..Wanted::default() }
+fn wanted(camera: &CameraRig, of: Role) -> Wanted {
+    // Of the ball the lit side alone counts.
+    let stops = if of == Role::WhiteBall { 6.0 } else { 15.0 };
+    Wanted { step_stops: camera.step_stops, clipped: 1e-5, stops, ..Wanted::default() }
 }
 
 fn setting(camera: &CameraRig, time_s: f64) -> Exposure {

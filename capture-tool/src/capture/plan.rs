@@ -126,7 +126,7 @@ fn words(role: Role) -> &'static str {
     match role {
         Role::Sample => "samples",
         Role::Black => "black photographs",
-        Role::AllLit => "all lamps together",
+        Role::AllLit => "all lamps, or all white",
         Role::Reference => "references",
         Role::Response => "series for the camera's response",
         Role::Dark => "series for the camera's black level",
