@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
+use std::sync::Arc;
 use relume_core::image::{Image, read_codes};
 use relume_core::{Error, Result};
 
@@ -172,12 +173,12 @@ impl Run<'_> {
         redo_of: Option<u64>,
     ) -> Result<(), Trouble> {
         let begun = Instant::now();
-        let settings = self.exposures.settings(step, session)?;
+        let settings = self.exposures.settings(step, session, &mut self.log)?;
         let folder = session.begin()?;
         let number = folder.number();
         let shots = set.photograph(step, &settings, &folder)?;
         let thumbnails = shots.iter().map(thumbnail).collect::<Result<Vec<_>>>()?;
-        let remarks = super::exposures::remarks(step, &thumbnails);
+        let remarks = self.exposures.remarks(step, session, &shots, &thumbnails);
         let (time, jumped) = self.clock.now(self.taken + 1, &self.limits.faults);
         let photograph = Photograph {
             number,
@@ -210,10 +211,10 @@ impl Run<'_> {
 }
 
 /// The camera's thumbnail, or the file.
-fn thumbnail(shot: &Shot) -> Result<Image> {
+fn thumbnail(shot: &Shot) -> Result<Arc<Image>> {
     match &shot.thumbnail {
         Some(thumbnail) => Ok(thumbnail.clone()),
-        None => read_codes(&shot.file).map(|(codes, _)| codes),
+        None => read_codes(&shot.file).map(|(codes, _)| Arc::new(codes.into_rgb())),
     }
 }
 

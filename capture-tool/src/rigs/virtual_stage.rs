@@ -79,11 +79,6 @@ impl VirtualStage {
         })
     }
 
-    /// The field without noise, as it would be captured by a perfect camera.
-    pub fn transport(&self) -> &Path {
-        self.transport.path()
-    }
-
     /// Light of a condition, before drift.
     fn light(&self, condition: &Condition) -> Result<Image> {
         let bulb = |lamp: usize| self.irradiances[self.stage.lamps.bulb(lamp)];

@@ -20,7 +20,6 @@ const HASHED: usize = 64;
 #[derive(Debug)]
 pub struct Session {
     root: PathBuf,
-    description: Description,
     journal: Journal,
     /// Numbers of photographs whose files are gone or changed.
     damaged: HashSet<u64>,
@@ -51,11 +50,11 @@ impl Session {
     /// # Errors
     /// No session, a newer one, one that another process has open, a damaged journal.
     pub fn open(root: &Path) -> Result<Self> {
-        let description = Description::read(root)?;
+        Description::read(root)?;
         let lock = Lock::take(root)?;
         let (journal, _torn) = Journal::open(root)?;
         let mut session =
-            Self { root: root.to_owned(), description, journal, damaged: HashSet::new(), _lock: lock };
+            Self { root: root.to_owned(), journal, damaged: HashSet::new(), _lock: lock };
         session.sweep()?;
         session.damaged = damaged(root, &session.photographs().cloned().collect::<Vec<_>>());
         Ok(session)
@@ -64,11 +63,6 @@ impl Session {
     /// The folder.
     pub fn root(&self) -> &Path {
         &self.root
-    }
-
-    /// `session.toml`.
-    pub fn description(&self) -> &Description {
-        &self.description
     }
 
     /// All lines of the journal.
