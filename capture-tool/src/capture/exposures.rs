@@ -88,7 +88,13 @@ impl<'a> Exposures<'a> {
     }
 
     /// What the operator should know of a sample's exposure: is its top clipped, is its bottom noise? `thumbnails` are codes.
-    pub fn remarks(&mut self, step: &Step, session: &Session, shots: &[Shot], thumbnails: &[Arc<Image>]) -> Vec<String> {
+    pub fn remarks(
+        &mut self,
+        step: &Step,
+        session: &Session,
+        shots: &[Shot],
+        thumbnails: &[Arc<Image>],
+    ) -> Vec<String> {
         if !matches!(step.role, Role::Sample | Role::AllLit | Role::Reference) {
             return Vec::new();
         }
@@ -104,9 +110,11 @@ impl<'a> Exposures<'a> {
     }
 }
 
-/// What brackets should hold. Glints of single lamps on mirrors are few pixels and much of the light: they must not clip.
+/// What brackets should hold. Glints of single lamps on mirrors are few pixels and much of the light: they must not clip. They
+/// are 9 stops and more above white paper under the same lamp (a lamp's cell of 0.005 sr against pi), whose shades are
+/// wanted over another 6.
 fn wanted(camera: &CameraRig) -> Wanted {
-    Wanted { step_stops: camera.step_stops, clipped: 1e-5, ..Wanted::default() }
+    Wanted { step_stops: camera.step_stops, clipped: 1e-5, stops: 15.0, ..Wanted::default() }
 }
 
 fn setting(camera: &CameraRig, time_s: f64) -> Exposure {

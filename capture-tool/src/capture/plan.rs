@@ -109,7 +109,10 @@ impl Plan {
         let _ = writeln!(text, "\ntime   {about}{}", duration(self.seconds));
         let _ = writeln!(text, "disk   {about}{}", size(self.bytes));
         if self.guessed {
-            let _ = writeln!(text, "exposure times will be chosen from the previews (taken as {GUESSED_FRAMES} a photograph here)");
+            let _ = writeln!(
+                text,
+                "exposure times will be chosen from the previews (taken as {GUESSED_FRAMES} a photograph here)"
+            );
         }
         text.push('\n');
         for finding in findings {

@@ -3,9 +3,9 @@
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
 
-use std::sync::Arc;
 use relume_core::image::{Image, read_codes};
 use relume_core::{Error, Result};
+use std::sync::Arc;
 
 use super::contact::ContactSheet;
 use super::exposures::Exposures;
@@ -68,7 +68,9 @@ impl Drop for Powered<'_> {
     fn drop(&mut self) {
         if let Err(trouble) = self.rig.dark() {
             self.log.line(&format!("the lamps could not be switched off: {trouble}"));
-            crate::complain(&format!("warning: the lamps could not be switched off: {trouble}; switch them off by hand"));
+            crate::complain(&format!(
+                "warning: the lamps could not be switched off: {trouble}; switch them off by hand"
+            ));
         }
     }
 }
@@ -271,7 +273,10 @@ impl Clock {
         let said = (jump.abs() > CLOCK_TOLERANCE_S).then(|| {
             self.started = (now, Instant::now());
             let way = if jump > 0.0 { "forward" } else { "back" };
-            format!("the computer's clock was put {way} by {:.0} s; times in the journal jump, nothing else changes", jump.abs())
+            format!(
+                "the computer's clock was put {way} by {:.0} s; times in the journal jump, nothing else changes",
+                jump.abs()
+            )
         });
         (now.strftime("%Y-%m-%dT%H:%M:%S%.3fZ").to_string(), said)
     }

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use relume_core::calibrate::black::{Black, Blacks};
-use relume_core::hdr::{self, Curve, Known, Merged, Merger, Noise, Options, Patches, Recovered, RecoveryReport, Shot, Survey};
+use relume_core::hdr::{
+    self, Curve, Known, Merged, Merger, Noise, Options, Patches, Recovered, RecoveryReport, Shot, Survey,
+};
 use relume_core::image::{Image, SampleType};
 use relume_core::{Error, Result};
 
@@ -128,7 +130,8 @@ fn black(records: &Records, curve: Curve, sample_type: SampleType) -> Result<Opt
 /// Where codes pile up at the top, in the longest exposures.
 fn clip(records: &Records, sample_type: SampleType) -> Result<[f32; 3]> {
     let mut survey: Option<Survey> = None;
-    let all: Vec<&Photograph> = records.of(Role::Response).chain(records.of(Role::Preview)).chain(records.of(Role::Sample)).collect();
+    let all: Vec<&Photograph> =
+        records.of(Role::Response).chain(records.of(Role::Preview)).chain(records.of(Role::Sample)).collect();
     let step = all.len().div_ceil(SURVEYED).max(1);
     for photograph in all.into_iter().step_by(step) {
         if let Some(frame) = photograph.frames.last() {

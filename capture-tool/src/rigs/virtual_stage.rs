@@ -84,7 +84,8 @@ impl VirtualStage {
         let bulb = |lamp: usize| self.irradiances[self.stage.lamps.bulb(lamp)];
         match condition {
             Condition::Lamp(lamp) => {
-                let dense = self.transport.dense().ok_or_else(|| Error::invalid("virtual stage", "no samples", "samples"))?;
+                let dense =
+                    self.transport.dense().ok_or_else(|| Error::invalid("virtual stage", "no samples", "samples"))?;
                 let mut picture = dense.picture(*lamp)?;
                 let e = bulb(*lamp);
                 picture.data_mut().chunks_exact_mut(3).for_each(|p| (0..3).for_each(|c| p[c] *= e[c]));
@@ -104,7 +105,9 @@ impl VirtualStage {
                 Ok(ball.photograph(&camera, &FarLamp { direction: self.directions[*lamp], irradiance: bulb(*lamp) }))
             }
             Condition::Black { .. } => Ok(Image::new(self.ambient.width(), self.ambient.height(), 3)),
-            other => Err(Error::invalid("virtual stage", other.to_string(), "a lamp, all lamps, black or a white ball")),
+            other => {
+                Err(Error::invalid("virtual stage", other.to_string(), "a lamp, all lamps, black or a white ball"))
+            }
         }
     }
 
@@ -116,7 +119,11 @@ impl VirtualStage {
 
 impl Rig for VirtualStage {
     fn preflight(&mut self) -> Vec<Finding> {
-        vec![Finding::fine(format!("stage: virtual, {} lamps, {} stops", self.directions.len(), self.stage.lamps.stops()))]
+        vec![Finding::fine(format!(
+            "stage: virtual, {} lamps, {} stops",
+            self.directions.len(),
+            self.stage.lamps.stops()
+        ))]
     }
 
     fn emit(&mut self, step: &Step) -> Result<(), Trouble> {

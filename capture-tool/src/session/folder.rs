@@ -53,8 +53,7 @@ impl Session {
         Description::read(root)?;
         let lock = Lock::take(root)?;
         let (journal, _torn) = Journal::open(root)?;
-        let mut session =
-            Self { root: root.to_owned(), journal, damaged: HashSet::new(), _lock: lock };
+        let mut session = Self { root: root.to_owned(), journal, damaged: HashSet::new(), _lock: lock };
         session.sweep()?;
         session.damaged = damaged(root, &session.photographs().cloned().collect::<Vec<_>>());
         Ok(session)
@@ -115,10 +114,8 @@ impl Session {
     ) -> Result<()> {
         let name = format!("{:06}", folder.number);
         photograph.number = folder.number;
-        photograph.frames = files
-            .iter()
-            .map(|(path, exposure)| frame(path, &name, *exposure))
-            .collect::<Result<_>>()?;
+        photograph.frames =
+            files.iter().map(|(path, exposure)| frame(path, &name, *exposure)).collect::<Result<_>>()?;
         sync_folder(&folder.path)?;
         let photos = self.root.join("photos");
         let to = photos.join(&name);

@@ -5,7 +5,8 @@
 //! `f cos V / d^2`. The projector's lens is a small disc that evenly shines, so that shadows have its softness and mirrors and the
 //! camera see it: its radiance is `I / (A cos)`, `A` its area and `cos` at it. Its picture is sharp at any distance.
 //!
-//! Light that comes over other surfaces is smooth over the squares and is kept by blocks of them.
+//! Light that comes over other surfaces is smooth over the squares and is kept by blocks of them. A pixel of [`Gantry::demo`] with
+//! 24 positions and 16 x 16 squares has 250 bytes on average.
 
 use rand::RngExt;
 use rand_pcg::Pcg32;
@@ -86,10 +87,11 @@ impl Gantry {
     /// Checks what it is made of; ask once, where the figures come in.
     ///
     /// # Errors
-    /// [`Error::Invalid`] at `place`: no squares or positions or too many, a position in the origin, a view that no lens has,
+    /// [`Error::Invalid`] at `place`: no squares or positions or too many, no camera, a position in the origin, a view that no lens has,
     /// a lens without area.
     pub fn check(&self, place: &str) -> Result<()> {
         self.grids().check(&format!("{place}, squares"))?;
+        self.camera.check(&format!("{place}, camera"))?;
         if !(self.view_rad > 0.0 && self.view_rad < 0.9 * PI) {
             let found = format!("{:.3} degrees", self.view_rad.to_degrees());
             return Err(Error::invalid(format!("{place}, view"), found, "more than 0 and less than 162 degrees"));

@@ -184,3 +184,12 @@ fn impossible_gantries_are_refused() {
         assert!(message.contains(words) && message.contains("rig.toml"), "{message}");
     }
 }
+
+#[test]
+fn the_arm_goes_about_the_table() {
+    let Shape::Disc { normal, .. } = Scene::gantry().objects[0].shape else { panic!("the table comes first") };
+    let places = Gantry::above_table(&grid_lamps(8, 3), 4.0);
+    assert!(places.iter().all(|p| p.dot(&normal) > 0.9 && (p.norm() - 4.0).abs() < 1e-4));
+    let axes = Gantry::above_table(&[crate::math::Vec3::x(), crate::math::Vec3::y(), crate::math::Vec3::z()], 2.0);
+    assert!((axes[0] - V3::x() * 2.0).norm() < 1e-5 && (axes[1] - normal * 2.0).norm() < 1e-5 && axes[2].z > 1.8);
+}

@@ -4,6 +4,9 @@
 //! collected texel by texel where paths meet the screen. Rough surfaces answer smoothly, so they are kept by blocks of
 //! texels: `integral over the block of f cos V cos' / r^2 dA`, a point in each of some 16 x 16 blocks for each camera ray,
 //! coarser blocks after the first bounce.
+//!
+//! A pixel has at most 341 blocks, the texels that 64 rays and 16 paths or so through glass and mirrors find: 700 bytes on average
+//! of [`Monitor::demo`] with 512 x 512 texels, 450 with 256 x 160.
 
 use rand::RngExt;
 use rand_pcg::Pcg32;
@@ -99,10 +102,11 @@ impl Monitor {
     /// Checks what it is made of; ask once, where the figures come in.
     ///
     /// # Errors
-    /// [`Error::Invalid`] at `place`: no texels or too many, a screen without area or with a skew corner, a body that
+    /// [`Error::Invalid`] at `place`: no texels or too many, no camera, a screen without area or with a skew corner, a body that
     /// reaches through the screen.
     pub fn check(&self, place: &str) -> Result<()> {
         self.grids().check(&format!("{place}, texels"))?;
+        self.camera.check(&format!("{place}, camera"))?;
         let ScreenPlane { centre, right, up } = &self.screen;
         let sides = right.norm() * up.norm();
         let finite = [centre, right, up].iter().all(|v| v.iter().all(|x| x.is_finite()));

@@ -172,6 +172,9 @@ fn impossible_monitors_are_refused() {
         (Monitor { screen: at(f32::NAN), ..good.clone() }, "right angles"),
         (Monitor { screen: skew, ..good.clone() }, "right angles"),
         (Monitor { texels: (0, 10), ..good.clone() }, "texels"),
+        (Monitor { camera: Camera { width: 0, ..good.camera }, ..good.clone() }, "camera, picture"),
+        (Monitor { camera: Camera { distance: f32::NAN, ..good.camera }, ..good.clone() }, "camera, distance"),
+        (Monitor { camera: Camera { view_rad: 4.0, ..good.camera }, ..good.clone() }, "camera, view"),
     ] {
         let message = bad.check("rig.toml").unwrap_err().to_string();
         assert!(message.contains(words) && message.contains("rig.toml"), "{message}");

@@ -1,5 +1,7 @@
 //! What stands before the virtual monitor and under the virtual gantry.
 
+use crate::math::Vec3;
+
 use super::V3;
 use super::camera::Camera;
 use super::demo::{ball, grid_lamps, on_table};
@@ -78,16 +80,20 @@ impl Gantry {
     /// [`Scene::gantry`] under an arm that stops at `longitudes` x `latitudes` places above the turntable (see
     /// [`grid_lamps`]), 4 units from its middle, the projector showing `squares` x `squares` squares.
     pub fn demo(camera: Camera, (longitudes, latitudes): (usize, usize), squares: usize) -> Self {
-        let axes = [on_table(1.0, 0.0, 0.0), on_table(0.0, 1.0, 0.0), on_table(0.0, 0.0, 1.0)]
-            .map(|p| p - on_table(0.0, 0.0, 0.0));
-        let place = |d: crate::math::Vec3| {
-            let d: V3 = d.cast();
-            (axes[0] * d.x + axes[1] * d.y + axes[2] * d.z) * 4.0
-        };
-        let positions = grid_lamps(longitudes, latitudes).into_iter().map(place).collect();
+        let positions = Self::above_table(&grid_lamps(longitudes, latitudes), 4.0);
         // All of the table, wherever from.
         let view_rad = 34f32.to_radians();
         Self { scene: Scene::gantry(), camera, positions, view_rad, squares, lens_radius: 0.08 }
+    }
+
+    /// Positions in the stage frame from directions in the frame of [`Scene::gantry`]'s table, +y its normal, which leans
+    /// towards the camera: what lies above the horizon there is above the table.
+    pub fn above_table(directions: &[Vec3], distance: f32) -> Vec<V3> {
+        let origin = on_table(0.0, 0.0, 0.0);
+        let [right, up, near] =
+            [on_table(1.0, 0.0, 0.0), on_table(0.0, 1.0, 0.0), on_table(0.0, 0.0, 1.0)].map(|p| p - origin);
+        let place = |d: &Vec3| (right * d.x as f32 + up * d.y as f32 + near * d.z as f32) * distance;
+        directions.iter().map(place).collect()
     }
 }
 
