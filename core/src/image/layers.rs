@@ -45,7 +45,7 @@ const MOST_LAYERS: usize = 1 << 16;
 /// What is known of a picture without reading it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// Name of the layer, or of the part where its channels have none.
+    /// Name of the layer, or of the part where its channels have none, or `part N`.
     pub name: String,
     /// Where its lamp stands, if the file tells.
     pub direction: Option<[f32; 3]>,
@@ -222,6 +222,7 @@ fn layers_of(part: usize, header: &Header) -> Vec<Layer> {
         let single = || (names.len() == 1).then(|| vec![0]);
         let channels = COLOURS.iter().find_map(|colours| of(colours)).or_else(|| of(&["Y"])).or_else(single)?;
         let name = match prefix.trim_end_matches('.') {
+            "" if part_name.is_empty() => format!("part {}", part + 1),
             "" => part_name.clone(),
             layer => layer.to_owned(),
         };
