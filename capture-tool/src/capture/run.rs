@@ -207,7 +207,9 @@ impl Run<'_> {
             self.log.line(&jump);
             crate::complain(&format!("note: {jump}"));
         }
-        self.sheet.add(number, &thumbnails[thumbnails.len() / 2], &step.condition.to_string())?;
+        if let Some(shown) = super::contact::best(&thumbnails) {
+            self.sheet.add(number, shown, &step.condition.to_string())?;
+        }
         Ok(())
     }
 }

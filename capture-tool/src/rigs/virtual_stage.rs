@@ -57,10 +57,25 @@ impl VirtualStage {
         faults: &[Fault],
         progress: &mut dyn FnMut(u64, u64) -> Result<()>,
     ) -> Result<Self> {
+        Self::in_file(rig, &cached(rig)?, scan, window, faults, progress)
+    }
+
+    /// As [`VirtualStage::new`], the scene kept in a file of its own.
+    ///
+    /// # Errors
+    /// As [`VirtualStage::new`].
+    pub fn in_file(
+        rig: &RigFile,
+        scene: &Path,
+        scan: u64,
+        window: Window,
+        faults: &[Fault],
+        progress: &mut dyn FnMut(u64, u64) -> Result<()>,
+    ) -> Result<Self> {
         let Some(stage) = rig.stage.clone() else {
             return Err(Error::invalid("rig", "no [stage] table", "a stage"));
         };
-        let transport = traced(rig, &stage.lamps, progress)?;
+        let transport = traced(rig, &stage.lamps, scene, progress)?;
         let directions = stage.lamps.directions();
         let irradiances = irradiances(rig, stage.lamps.per_stop());
         let radiance = (rig.simulation.irradiance * rig.simulation.ambient) as f32;
@@ -202,12 +217,16 @@ pub fn noise_seed(rig: &RigFile, step: &Step) -> u64 {
     rig.simulation.seed ^ (step.index + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 
-fn traced(rig: &RigFile, lamps: &Lamps, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Asset> {
-    let path = cached(rig)?;
+fn traced(
+    rig: &RigFile,
+    lamps: &Lamps,
+    path: &Path,
+    progress: &mut dyn FnMut(u64, u64) -> Result<()>,
+) -> Result<Asset> {
     if !path.is_file() {
-        trace(rig, lamps, &path, progress)?;
+        trace(rig, lamps, path, progress)?;
     }
-    Asset::open(&path, Access::Mapped)
+    Asset::open(path, Access::Mapped)
 }
 
 fn trace(rig: &RigFile, lamps: &Lamps, path: &Path, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<()> {
