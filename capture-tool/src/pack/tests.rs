@@ -45,11 +45,11 @@ response_times_s = [0.001, 0.001587, 0.003175, 0.00504, 0.01008, 0.016, 0.032, 0
 dark_times_s = [0.001, 0.016, 0.256, 1.024]
 [calibration.white_ball]
 albedo = 0.9
-circle_px = [48.0, 36.0, 28.84]
-focal_px = 185.20
+circle_px = [80.0, 60.0, 48.06]
+focal_px = 308.67
 [virtual]
-width = 96
-height = 72
+width = 160
+height = 120
 samples = 4
 irradiance = 800.0
 spread = 0.12
