@@ -350,7 +350,9 @@ fn sixty_kills_change_nothing() {
     let mut last = if set.path("s").exists() { set.resume("s", &[]) } else { set.begin("s", &[]) };
     succeed(&mut last);
 
-    assert_eq!(timeless(set.journal("s")), timeless(set.journal("whole")));
+    let (killed, whole) = (timeless(set.journal("s")), timeless(set.journal("whole")));
+    assert_eq!(killed.len(), whole.len());
+    killed.iter().zip(&whole).for_each(|(a, b)| assert_eq!(a, b));
     assert_eq!(names(&set.path("s").join("photos")), names(&set.path("whole").join("photos")));
     succeed(tool("pack").arg(set.path("s")).arg("-o").arg(set.path("s.rfield")));
     assert_eq!(manifest(&set.path("s.rfield")), manifest(&set.path("whole.rfield")));
@@ -372,4 +374,136 @@ pub(crate) fn manifest(path: &Path) -> Value {
     let mut manifest = serde_json::to_value(asset.manifest()).unwrap();
     assert!(manifest.as_object_mut().unwrap().remove("provenance").is_some());
     manifest
+}
+
+/// "Done when" 1 in small: noisy camera, curve, unequal and fading lamps, exposures from previews, against the field without noise.
+#[test]
+fn a_captured_field_relights_as_the_one_without_noise() {
+    let rig = RIG
+        .replace("times_s = [0.05, 0.4]\n", "step_stops = 3\nresponse = \"recover\"\n")
+        .replace(
+            "[calibration]\n",
+            "[calibration]\nresponse_times_s = [0.001, 0.001587, 0.003175, 0.00504, 0.01008, 0.016, 0.032, 0.0508, 0.1016, \
+             0.1613, 0.3225, 0.512]\n",
+        )
+        .replace(
+            "[virtual]\nwidth = 40\nheight = 30\n",
+            "[calibration.white_ball]\nalbedo = 0.9\ncircle_px = [64.0, 48.0, 38.45]\nfocal_px = 246.94\n\
+             [virtual]\nwidth = 128\nheight = 96\n",
+        )
+        .replace("dark = 0.006\n", "dark = 0.006\nresponse = \"film\"\n");
+    let set = Capture::with(&rig);
+    let truth = set.path("truth.rfield");
+    succeed(set.begin("s", &["--truth"]).arg(&truth));
+    let said = succeed(tool("pack").arg(set.path("s")).arg("-o").arg(set.path("a.rfield")));
+    for words in ["black level", "response   recovered", "4 measured", "drift", "-3.", "linearity"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    assert_eq!(names(&set.path("s").join("calibration")), ["irradiances.tsv", "report.txt", "response.txt"]);
+    let lit = |asset: &Path, name: &str| {
+        let mut relight = tool("relight");
+        relight.arg(asset).args(["--lighting", "three-point", "-o"]).arg(set.path(name));
+        succeed(&mut relight);
+    };
+    lit(&set.path("a.rfield"), "a.exr");
+    lit(&truth, "truth.exr");
+    let mut compare = tool("compare");
+    compare.arg(set.path("a.exr")).arg(set.path("truth.exr")).arg("--json");
+    let figures: Value = serde_json::from_str(&succeed(&mut compare)).unwrap();
+    let error = figures["relative_l2"].as_f64().unwrap();
+    assert!(error < 0.015, "relative L2 {error}");
+}
+
+#[test]
+fn packing_says_what_is_missing_or_damaged() {
+    let set = Capture::new();
+    succeed(&mut set.begin("s", &["--max-photos", "20"]));
+    let pack = |options: &[&str]| {
+        let mut command = tool("pack");
+        command.arg(set.path("s")).arg("-o").arg(set.path("a.rfield")).args(options);
+        command
+    };
+    refuse(&mut pack(&[]), &["of 24 lamps", "--resume", "--partial"]);
+    let output = run(&mut pack(&["--partial"]));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert!(text(&output.stderr).contains("of 24 lamps are in the field"), "{}", text(&output.stderr));
+    succeed(&mut set.resume("s", &[]));
+    let said = run(&mut pack(&[]));
+    assert!(text(&said.stderr).contains("were not measured"), "{}", text(&said.stderr));
+    let merged = set.path("merged");
+    succeed(tool("pack").arg(set.path("s")).arg("--merged").arg(&merged));
+    // All but the series of dark photographs.
+    assert_eq!(names(&merged).len(), STEPS - 1);
+    let sample = set.journal("s").iter().find(|p| p["role"] == "sample").cloned().unwrap();
+    let file = set.path("s").join(sample["frames"][0]["file"].as_str().unwrap());
+    let mut bytes = fs::read(&file).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&file, bytes).unwrap();
+    let number = sample["number"].to_string();
+    refuse(&mut pack(&[]), &["other bytes than the journal's hash", &format!("--redo {number}")]);
+    for absent in ["absent", "."] {
+        refuse(tool("pack").arg(set.path(absent)).arg("-o").arg(set.path("b.rfield")), &["session"]);
+    }
+}
+
+/// A screen of 16 x 16 texels, and a projector at two positions.
+#[test]
+fn screens_and_projectors_go_through_the_same_loop() {
+    let (head, rest) = RIG.split_once("[stage]").unwrap();
+    let rest = rest.split_once("[camera]").unwrap().1;
+    let screen = "[monitor]\ncolumns = 16\nrows = 16\nnoise = 6\nsquares = 4\n";
+    let projector = "[gantry]\nsquares = 4\ninfluence = 2\ndistance = 4\nview_deg = 34\n\
+                     [gantry.positions]\nlayout = \"rings\"\nrings = [{ elevation_deg = 45, count = 2 }]\n";
+    let rig = |kind: &str, table: &str, patterns: &str| {
+        let rest = rest.replace("[calibration]\n", &format!("[calibration]\npatterns = [{patterns}]\n"));
+        format!("{}{table}[camera]{rest}", head.replace("\"stage\"", &format!("\"{kind}\"")))
+    };
+    // Dark, Gray codes of 4 + 4 bits with inverses, black, white, and the samples.
+    for (rig, options, steps) in [
+        (rig("monitor", screen, "\"gray-code\""), &[][..], 1 + 16 + 2 + 6),
+        (rig("monitor", screen, ""), &["--sampler", "scan"], 1 + 2 + 16),
+        (rig("gantry", projector, ""), &[], 1 + 2 * (2 + 16)),
+        (rig("gantry", projector, ""), &["--sampler", "separable"], 1 + 2 * (2 + 16)),
+    ] {
+        let set = Capture::with(&rig);
+        succeed(&mut set.begin("s", options).args(["--max-photos", "9"]));
+        assert!(succeed(&mut set.resume("s", &[])).contains(&format!("{steps} of {steps}")), "{options:?}");
+        succeed(tool("pack").arg(set.path("s")).arg("--merged").arg(set.path("m")));
+        let no_field = ["of", "patterns", "--merged"];
+        refuse(tool("pack").arg(set.path("s")).arg("-o").arg(set.path("a.rfield")), &no_field);
+        if rig.contains("[monitor]") {
+            let picture = relume_core::image::Image::from_fn(8, 8, |x, _| [x as f32 / 8.0, 0.2, 0.1]);
+            relume_core::image::write(&set.path("p.png"), &picture, Default::default()).unwrap();
+            let shown = set.path("p.png").display().to_string();
+            succeed(&mut set.resume("s", &["--reference", &shown]));
+            assert_eq!(set.journal("s").last().unwrap()["condition"]["picture"], "p.png");
+        } else {
+            refuse(&mut set.resume("s", &["--sampler", "noise"]), &["begun with --sampler"]);
+        }
+    }
+}
+
+/// Every rig that ships loads, and its plan stands.
+#[test]
+fn every_rig_that_ships_loads() {
+    let folder = relume_tests::workspace_root().join("presets").join("rigs");
+    let elsewhere = tempfile::tempdir().unwrap();
+    let rigs = names(&folder);
+    assert!(rigs.len() >= 6, "{rigs:?}");
+    let samples = |name: &str| match name {
+        "virtual-stage.toml" => 320,
+        "virtual-monitor.toml" => 256,
+        "virtual-gantry.toml" => 24 * 144,
+        "thesis-arc.toml" => 1280,
+        "home-dome-49.toml" => 49,
+        "full-sphere-331.toml" => 331,
+        other => panic!("{other} is not known to this test"),
+    };
+    for rig in &rigs {
+        let mut plan = tool("capture");
+        plan.arg(folder.join(rig)).arg("--session").arg(elsewhere.path().join("s")).arg("--plan");
+        let said = succeed(&mut plan);
+        assert!(said.contains(&format!("{}  samples", samples(rig))), "{rig}: {said}");
+    }
 }

@@ -32,25 +32,28 @@ impl Developer {
     /// # Errors
     /// No photograph at all; a series that tells nothing, with the reason.
     pub fn new(records: &Records, camera: &CameraRig) -> Result<Self> {
-        Self::with(records, camera.response)
+        let looked_at = [Role::Response, Role::Preview, Role::Sample];
+        Self::with(records, camera.response, &looked_at)
     }
 
     /// For choosing exposures, before all calibration is there: a response that is not known yet is taken as sRGB, which is
-    /// near enough.
+    /// near enough. Samples are not looked at, so that a resumed capture comes to the same.
     ///
     /// # Errors
     /// As [`Developer::new`].
     pub fn for_previews(records: &Records, camera: &CameraRig) -> Result<Self> {
         let unknown = camera.response == ResponseChoice::Recover && records.of(Role::Response).next().is_none();
-        Self::with(records, if unknown { ResponseChoice::Srgb } else { camera.response })
+        let response = if unknown { ResponseChoice::Srgb } else { camera.response };
+        Self::with(records, response, &[Role::Response, Role::Preview])
     }
 
-    fn with(records: &Records, response: ResponseChoice) -> Result<Self> {
+    /// Where the camera clips is seen in photographs of the roles `looked_at`.
+    fn with(records: &Records, response: ResponseChoice, looked_at: &[Role]) -> Result<Self> {
         let sample_type = sample_type(records)?;
         // A first level from codes as they are; a curved response wants the second, through its curve.
         let first = black(records, Curve::Linear, sample_type)?;
         let level = first.as_ref().map_or([0.0; 3], |black| black.level);
-        let clip = clip(records, sample_type)?;
+        let clip = clip(records, sample_type, looked_at)?;
         let (curve, recovery) = curve(records, response, sample_type, clip, level)?;
         let black = if curve == Curve::Linear { first } else { black(records, curve.clone(), sample_type)? };
         let level = black.as_ref().map_or([0.0; 3], |black| black.level);
@@ -128,10 +131,9 @@ fn black(records: &Records, curve: Curve, sample_type: SampleType) -> Result<Opt
 }
 
 /// Where codes pile up at the top, in the longest exposures.
-fn clip(records: &Records, sample_type: SampleType) -> Result<[f32; 3]> {
+fn clip(records: &Records, sample_type: SampleType, roles: &[Role]) -> Result<[f32; 3]> {
     let mut survey: Option<Survey> = None;
-    let all: Vec<&Photograph> =
-        records.of(Role::Response).chain(records.of(Role::Preview)).chain(records.of(Role::Sample)).collect();
+    let all: Vec<&Photograph> = roles.iter().flat_map(|role| records.of(*role)).collect();
     let step = all.len().div_ceil(SURVEYED).max(1);
     for photograph in all.into_iter().step_by(step) {
         if let Some(frame) = photograph.frames.last() {
@@ -139,7 +141,9 @@ fn clip(records: &Records, sample_type: SampleType) -> Result<[f32; 3]> {
             survey.get_or_insert_with(|| Survey::new(codes.width(), codes.height(), sample_type)).add(&codes, [0; 2]);
         }
     }
-    Ok(survey.map_or([f32::INFINITY; 3], |survey| survey.clip().map(|level| level.unwrap_or(f32::INFINITY))))
+    // Where nothing was looked at or nothing piles up, integer codes end at white.
+    let end = if sample_type == SampleType::Float { f32::INFINITY } else { 1.0 };
+    Ok(survey.map_or([end; 3], |survey| survey.clip().map(|level| level.unwrap_or(end))))
 }
 
 fn curve(
