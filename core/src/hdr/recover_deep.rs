@@ -466,7 +466,6 @@ mod tests {
                 "film {}, dark {:.4}: {worst:.4}, rms {rms:.4}, {of_white:.4} of white",
                 sensor.film, sensor.dark
             );
-            println!("{text}; {:?}", found.report);
             assert!(worst < 0.01 && rms < 0.003, "{text}");
             // White itself lies beyond the last code that is surely not clipped: the curve is continued there.
             assert!(of_white < 0.02, "{text}");
