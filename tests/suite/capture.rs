@@ -116,7 +116,9 @@ fn names(folder: &Path) -> Vec<String> {
 fn a_plan_starts_nothing() {
     let set = Capture::new();
     let said = succeed(&mut set.begin("s", &["--plan"]));
-    for words in ["24  samples", &format!("{STEPS}  photographs in all"), "85 exposures", "ok       disk", "virtual scene"] {
+    for words in
+        ["24  samples", &format!("{STEPS}  photographs in all"), "85 exposures", "ok       disk", "virtual scene"]
+    {
         assert!(said.contains(words), "{words}: {said}");
     }
     assert_eq!(names(set.folder.path()), ["rig.toml"]);

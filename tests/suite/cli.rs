@@ -409,17 +409,22 @@ fn sessions_are_whole() {
         command
     };
     assert!(succeed(&mut import()).contains("5 photographs"));
-    assert_eq!(files_in(&session), ["calibration", "journal.jsonl", "photos", "session.toml"]);
+    assert_eq!(files_in(&session), ["calibration", "journal.jsonl", "lights.lp", "photos", "session.toml"]);
     assert_eq!(files_in(&session.join("photos")).len(), 5);
     let journal = fs::read_to_string(session.join("journal.jsonl")).unwrap();
     for (n, line) in journal.lines().enumerate() {
-        let entry: Value = serde_json::from_str(line).unwrap();
-        let copy = session.join(entry["file"].as_str().unwrap());
+        let entry: Value = serde_json::from_str::<Value>(line).unwrap()["photograph"].take();
+        let copy = session.join(entry["frames"][0]["file"].as_str().unwrap());
         assert_eq!(entry["number"], n + 1);
         assert_eq!(fs::read(copy).unwrap(), fs::read(set.path(&format!("photo {n}.tif"))).unwrap());
     }
     refuse(&mut import(), &["session", "not empty"]);
     assert_eq!(files_in(&set.out()), ["session"]);
+    // Packed, it is the field that a direct import makes.
+    let (packed, imported) = (set.out().join("packed.rfield"), set.import(&[]));
+    succeed(tool(&["pack"]).arg(&session).arg("-o").arg(&packed));
+    let dense = |path: &Path| super::capture::manifest(path)["blake3"]["transport/dense.npy"].clone();
+    assert!(dense(&packed).is_string() && dense(&packed) == dense(&imported));
 }
 
 #[test]

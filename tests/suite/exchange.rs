@@ -15,7 +15,8 @@ use crate::cli::{Set, difference, files_in, info, refuse, succeed, text, tool};
 /// Photographs are 37 x 19: two block rows and a half, and two scan-line blocks.
 const SIZE: (usize, usize) = (37, 19);
 
-const DIRECTIONS: [[f64; 3]; 5] = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.36, 0.48, 0.8]];
+const DIRECTIONS: [[f64; 3]; 5] =
+    [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.36, 0.48, 0.8]];
 
 /// A set with black photograph, coverage and irradiances that differ, and its field.
 fn full_field() -> (Set, PathBuf) {
@@ -29,8 +30,7 @@ fn full_field() -> (Set, PathBuf) {
     fs::write(set.path("lamps.tsv"), format!("photograph\tirradiance\n{table}")).unwrap();
     let path = |name: &str| set.path(name).display().to_string();
     let (black, alpha, lamps) = (path("black.tif"), path("alpha.exr"), path("lamps.tsv"));
-    let field =
-        set.import(&["--black", &black, "--alpha", &alpha, "--lamps", &lamps, "--colour-space", "acescg"]);
+    let field = set.import(&["--black", &black, "--alpha", &alpha, "--lamps", &lamps, "--colour-space", "acescg"]);
     (set, field)
 }
 
@@ -75,11 +75,22 @@ fn a_field_returns_from_photographs() {
         // The tool says how to import them again.
         let line = said.lines().find_map(|line| line.strip_prefix("To import them again: relume ")).unwrap();
         let again = set.out().join(format!("{format}.rfield"));
-        let words = line.split_whitespace().map(|word| if word == "A.rfield" { again.display().to_string() } else { word.into() });
-        succeed(&mut { let mut command = tool(&[]); command.args(words); command });
+        let words = line
+            .split_whitespace()
+            .map(|word| if word == "A.rfield" { again.display().to_string() } else { word.into() });
+        succeed(&mut {
+            let mut command = tool(&[]);
+            command.args(words);
+            command
+        });
         assert_same(&again, &field, 0.0);
         let mut expected: Vec<String> = (1..=5).map(|n| format!("lamp000{n}.{format}")).collect();
-        expected.extend(["alpha.exr".to_owned(), format!("black.{format}"), "lights.lamps.tsv".into(), "lights.lp".into()]);
+        expected.extend([
+            "alpha.exr".to_owned(),
+            format!("black.{format}"),
+            "lights.lamps.tsv".into(),
+            "lights.lp".into(),
+        ]);
         expected.sort();
         assert_eq!(files_in(&folder), expected);
     }
@@ -197,12 +208,20 @@ fn layers_without_names_are_taken_in_order_and_black_is_taken_off() {
     let black = Image::from_fn(SIZE.0, SIZE.1, |_, _| [0.05, 0.06, 0.07]);
     write(&set.path("black.exr"), &black, EncodeOptions::default()).unwrap();
     let mut import = tool(&["import", "exr", "--precision", "float", "--irradiance", "1"]);
-    import.arg(&exr).arg("-o").arg(&field).arg("--lp").arg(set.path("dirs.lp")).arg("--black").arg(set.path("black.exr"));
+    import
+        .arg(&exr)
+        .arg("-o")
+        .arg(&field)
+        .arg("--lp")
+        .arg(set.path("dirs.lp"))
+        .arg("--black")
+        .arg(set.path("black.exr"));
     let output = import.output().unwrap();
     let said = text(&output.stderr);
     assert!(output.status.success() && said.contains("taken in their order"), "{said}");
     for (picture, photograph) in transport(&field).iter().zip(&set.photographs) {
-        let expected = Image::from_fn(SIZE.0, SIZE.1, |x, y| [0, 1, 2].map(|c| photograph.pixel(x, y)[c] - [0.05, 0.06, 0.07][c]));
+        let expected =
+            Image::from_fn(SIZE.0, SIZE.1, |x, y| [0, 1, 2].map(|c| photograph.pixel(x, y)[c] - [0.05, 0.06, 0.07][c]));
         assert!(difference(picture, &expected) < 1e-6);
     }
     assert!(difference(Asset::open(&field, Access::Read).unwrap().ambient().unwrap(), &black) == 0.0);
@@ -249,6 +268,9 @@ fn unsuitable_exchange_files_are_refused() {
     export(&["lp", "--half", "--format", "png"], &set.out().join("p"), &["--half"]);
     let compact = set.path("compact.rfield");
     succeed(tool(&["compress"]).arg(&field).arg("-o").arg(&compact).args(["--harmonic", "4"]));
-    refuse(tool(&["export", "exr"]).arg(&compact).arg("-o").arg(set.out().join("c.exr")), &["harmonics", "compressed from"]);
+    refuse(
+        tool(&["export", "exr"]).arg(&compact).arg("-o").arg(set.out().join("c.exr")),
+        &["harmonics", "compressed from"],
+    );
     assert_eq!(files_in(&set.out()), ["a.rfield"]);
 }

@@ -29,7 +29,8 @@ fn patterns_come_back_as_the_light_that_was_emitted() {
     let options = "--size 16x8 --count 12 --seed 5 --texel 3 --wavelet 5/3 --encode";
     let mut command = tool(&["patterns", "noise", "-o"]);
     succeed(command.arg(path("shown")).args(options.split(' ')).arg(path("gamma.txt")));
-    let expected = (0..12).map(|n| format!("{n:04}-noise.png")).chain(["calibration".to_owned(), "patterns.toml".to_owned()]);
+    let expected =
+        (0..12).map(|n| format!("{n:04}-noise.png")).chain(["calibration".to_owned(), "patterns.toml".to_owned()]);
     assert_eq!(files_in(&path("shown")), expected.collect::<Vec<_>>());
     assert_eq!(files_in(&path("shown/calibration")), ["black.png", "emitter.txt", "white.png"]);
     let noise = Noise { wavelet: Wavelet::LeGall53, count: 12, seed: 5, deviation: Noise::DEVIATION };
@@ -110,7 +111,8 @@ fn pairs_that_do_not_fit_are_refused() {
     // A folder of somebody else's: sRGB, if nothing is said; no black photograph is worth a word.
     fs::remove_file(path("six/patterns.toml")).unwrap();
     let mut command = tool(&["import", "pairs", "--photos"]);
-    let output = command.arg(path("shots")).arg("--patterns").arg(path("six")).arg("--session").arg(path("s")).output().unwrap();
+    let output =
+        command.arg(path("shots")).arg("--patterns").arg(path("six")).arg("--session").arg(path("s")).output().unwrap();
     assert!(output.status.success() && text(&output.stderr).contains("no --black"), "{}", text(&output.stderr));
     refuse(tool(&["patterns", "noise", "-o"]).arg(path("six")), &["not empty"]);
 }

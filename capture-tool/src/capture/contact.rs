@@ -1,13 +1,14 @@
 //! The live contact sheet: small pictures with their numbers, a page a hundred photographs.
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use relume_core::files::write_whole;
-use relume_core::image::{Image, encode_png8, srgb};
+use relume_core::image::{Encoding, Image, encode_png8, read, srgb};
 use relume_core::{Error, Result};
-use std::io::Write;
 
 use crate::drawing::{Canvas, LINE};
 
@@ -15,6 +16,8 @@ use crate::drawing::{Canvas, LINE};
 const GRID: (usize, usize) = (10, 10);
 /// Size of a cell's picture.
 const CELL: (usize, usize) = (112, 84);
+/// Mean code of a picture that shows much.
+const SHOWS_MOST: f32 = 0.25;
 /// A page is written at most this often.
 const PAUSE: Duration = Duration::from_secs(2);
 
@@ -28,7 +31,7 @@ pub struct ContactSheet {
 }
 
 impl ContactSheet {
-    /// In `contact-sheets/` of a session. A page that a resumed capture goes on with begins empty at the left out places.
+    /// In `contact-sheets/` of a session.
     ///
     /// # Errors
     /// The disk's.
@@ -47,7 +50,7 @@ impl ContactSheet {
         let page = (number - 1) / per_page + 1;
         if page != self.page {
             self.flush()?;
-            (self.page, self.canvas) = (page, blank());
+            (self.page, self.canvas) = (page, self.begun(page));
         }
         let at = ((number - 1) % per_page) as usize;
         let corner = ((at % GRID.0) * CELL.0, (at / GRID.0) * (CELL.1 + LINE));
@@ -60,11 +63,22 @@ impl ContactSheet {
             // Codes go to the sheet as they are.
             Some([0, 1, 2].map(|c| srgb::decode(pixel[c.min(codes.channels() - 1)])))
         });
-        let room = CELL.0 / Canvas::width_of("0");
+        let room = CELL.0 / Canvas::width_of("0") - 1;
         let text: String = format!("{number} {label}").chars().take(room).collect();
         self.canvas.text((corner.0, corner.1 + CELL.1 + 2), &text);
         self.changed = true;
         if self.written.is_none_or(|at| at.elapsed() >= PAUSE) { self.flush() } else { Ok(()) }
+    }
+
+    /// A page as an earlier run left it, or an empty one.
+    fn begun(&self, page: u64) -> Canvas {
+        let there = read(&self.path(page), Encoding::Srgb).ok().map(Image::into_rgb);
+        let blank = blank();
+        there.filter(|picture| picture.size() == blank.picture().size()).map_or(blank, Canvas::of)
+    }
+
+    fn path(&self, page: u64) -> PathBuf {
+        self.folder.join(format!("{page:04}.png"))
     }
 
     /// Writes the page, if it has changed.
@@ -73,13 +87,20 @@ impl ContactSheet {
     /// The disk's.
     pub fn flush(&mut self) -> Result<()> {
         if self.changed {
-            let path = self.folder.join(format!("{:04}.png", self.page));
+            let path = self.path(self.page);
             let bytes = encode_png8(self.canvas.picture())?;
             write_whole(&path, |out| out.write_all(&bytes).map_err(|source| Error::io("write", &path, source)))?;
             (self.changed, self.written) = (false, Some(Instant::now()));
         }
         Ok(())
     }
+}
+
+/// The frame that shows most: its mean code nearest to a quarter of white.
+pub fn best(frames: &[Arc<Image>]) -> Option<&Image> {
+    let mean = |frame: &Image| frame.data().iter().sum::<f32>() / frame.data().len().max(1) as f32;
+    let off = |frame: &Arc<Image>| (mean(frame) - SHOWS_MOST).abs();
+    frames.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map(Arc::as_ref)
 }
 
 fn blank() -> Canvas {

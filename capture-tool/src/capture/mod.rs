@@ -51,7 +51,7 @@ pub struct Step {
 impl Step {
     /// Part of what is taken once a session, apart from the object's own samples; previews that it needs included.
     pub fn is_calibration(&self) -> bool {
-        let needed = !matches!(self.condition, Condition::Lamp(_));
+        let needed = !matches!(self.condition, Condition::Lamp(_) | Condition::AllLamps { .. });
         self.role.is_calibration() || (self.role == Role::Preview && needed)
     }
 }

@@ -109,7 +109,10 @@ impl Plan {
         let _ = writeln!(text, "\ntime   {about}{}", duration(self.seconds));
         let _ = writeln!(text, "disk   {about}{}", size(self.bytes));
         if self.guessed {
-            let _ = writeln!(text, "exposure times will be chosen from the previews (taken as {GUESSED_FRAMES} a photograph here)");
+            let _ = writeln!(
+                text,
+                "exposure times will be chosen from the previews (taken as {GUESSED_FRAMES} a photograph here)"
+            );
         }
         text.push('\n');
         for finding in findings {
@@ -123,7 +126,7 @@ fn words(role: Role) -> &'static str {
     match role {
         Role::Sample => "samples",
         Role::Black => "black photographs",
-        Role::AllLit => "all lamps together",
+        Role::AllLit => "all lamps, or all white",
         Role::Reference => "references",
         Role::Response => "series for the camera's response",
         Role::Dark => "series for the camera's black level",

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use relume_core::image::{Image, read_codes};
 use relume_core::{Error, Result};
+use std::sync::Arc;
 
 use super::contact::ContactSheet;
 use super::exposures::Exposures;
@@ -67,7 +68,9 @@ impl Drop for Powered<'_> {
     fn drop(&mut self) {
         if let Err(trouble) = self.rig.dark() {
             self.log.line(&format!("the lamps could not be switched off: {trouble}"));
-            crate::complain(&format!("warning: the lamps could not be switched off: {trouble}; switch them off by hand"));
+            crate::complain(&format!(
+                "warning: the lamps could not be switched off: {trouble}; switch them off by hand"
+            ));
         }
     }
 }
@@ -172,12 +175,12 @@ impl Run<'_> {
         redo_of: Option<u64>,
     ) -> Result<(), Trouble> {
         let begun = Instant::now();
-        let settings = self.exposures.settings(step, session)?;
+        let settings = self.exposures.settings(step, session, &mut self.log)?;
         let folder = session.begin()?;
         let number = folder.number();
         let shots = set.photograph(step, &settings, &folder)?;
         let thumbnails = shots.iter().map(thumbnail).collect::<Result<Vec<_>>>()?;
-        let remarks = super::exposures::remarks(step, &thumbnails);
+        let remarks = self.exposures.remarks(step, session, &shots, &thumbnails);
         let (time, jumped) = self.clock.now(self.taken + 1, &self.limits.faults);
         let photograph = Photograph {
             number,
@@ -204,16 +207,18 @@ impl Run<'_> {
             self.log.line(&jump);
             crate::complain(&format!("note: {jump}"));
         }
-        self.sheet.add(number, &thumbnails[thumbnails.len() / 2], &step.condition.to_string())?;
+        if let Some(shown) = super::contact::best(&thumbnails) {
+            self.sheet.add(number, shown, &step.condition.to_string())?;
+        }
         Ok(())
     }
 }
 
 /// The camera's thumbnail, or the file.
-fn thumbnail(shot: &Shot) -> Result<Image> {
+fn thumbnail(shot: &Shot) -> Result<Arc<Image>> {
     match &shot.thumbnail {
         Some(thumbnail) => Ok(thumbnail.clone()),
-        None => read_codes(&shot.file).map(|(codes, _)| codes),
+        None => read_codes(&shot.file).map(|(codes, _)| Arc::new(codes.into_rgb())),
     }
 }
 
@@ -270,7 +275,10 @@ impl Clock {
         let said = (jump.abs() > CLOCK_TOLERANCE_S).then(|| {
             self.started = (now, Instant::now());
             let way = if jump > 0.0 { "forward" } else { "back" };
-            format!("the computer's clock was put {way} by {:.0} s; times in the journal jump, nothing else changes", jump.abs())
+            format!(
+                "the computer's clock was put {way} by {:.0} s; times in the journal jump, nothing else changes",
+                jump.abs()
+            )
         });
         (now.strftime("%Y-%m-%dT%H:%M:%S%.3fZ").to_string(), said)
     }

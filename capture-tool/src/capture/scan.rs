@@ -74,7 +74,8 @@ pub fn preview_times(rig: &RigFile) -> Vec<f64> {
     (0..=count as u32).map(|n| fastest * (stops * f64::from(n) / count).exp2()).map(|t| t.min(slowest)).collect()
 }
 
-/// Lamps spread over the scan, by stops and by height.
+/// Lamps spread over the scan, by stops and by height: the darkest light; and all lamps of some stops together: their glints, each
+/// as bright as alone.
 fn spread(lamps: &Lamps) -> Vec<Condition> {
     let count = lamps.count();
     let shown = PREVIEWS.min(count);
@@ -82,7 +83,9 @@ fn spread(lamps: &Lamps) -> Vec<Condition> {
     let mut list: Vec<usize> = (0..shown).map(at).collect();
     list.sort_unstable();
     list.dedup();
-    list.into_iter().map(Condition::Lamp).collect()
+    let together = PREVIEWS.min(lamps.stops());
+    let stops = (0..together).map(|n| Condition::AllLamps { stop: n * lamps.stops() / together });
+    list.into_iter().map(Condition::Lamp).chain(stops).collect()
 }
 
 fn samples(stage: &StageRig, list: &mut List) {
@@ -162,7 +165,7 @@ mod tests {
         let steps = all(&rig("", ""));
         let preview: Vec<&Step> = steps.iter().filter(|step| step.role == Role::Preview).collect();
         let seen: std::collections::HashSet<&Condition> = preview.iter().map(|step| &step.condition).collect();
-        assert!((4..=6).contains(&seen.len()) && seen.len() == preview.len(), "{seen:?}");
+        assert!((4 + 4..=6 + 4).contains(&seen.len()) && seen.len() == preview.len(), "{seen:?}");
         let Times::Fixed(times) = &preview[0].times else { panic!() };
         assert!((times[0] - 0.001).abs() < 1e-12 && (times[times.len() - 1] - 16.0).abs() < 1e-9, "{times:?}");
         assert!(times.windows(2).all(|pair| pair[1] / pair[0] < 16.01));

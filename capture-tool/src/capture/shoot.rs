@@ -1,6 +1,7 @@
 //! One photograph: emit, expose at each time, store. Busy devices are asked again with growing pauses.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use relume_core::image::Image;
@@ -37,7 +38,7 @@ pub struct Shot {
     /// As read back.
     pub exposure: Exposure,
     /// Codes, small.
-    pub thumbnail: Option<Image>,
+    pub thumbnail: Option<Arc<Image>>,
 }
 
 impl Set<'_> {
@@ -66,7 +67,7 @@ impl Set<'_> {
                     advice: "check that it stores pictures and that its card has room".to_owned(),
                 });
             };
-            shots.push(Shot { file, exposure, thumbnail: delivered.thumbnail });
+            shots.push(Shot { file, exposure, thumbnail: delivered.thumbnail.map(Arc::new) });
         }
         Ok(shots)
     }

@@ -9,16 +9,16 @@ use relume_core::hdr::Noise;
 use relume_core::simulate::{Sensor, SensorResponse};
 
 use super::values;
+use crate::capture::patterns::{self, Samples, Sets};
 use crate::capture::plan::Plan;
 use crate::capture::run::{End, Limits, Outcome, run};
-use crate::capture::patterns::{self, Samples, Sets};
 use crate::capture::{Listed, Step, Times, scan};
 use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{VirtualCamera, Window};
 use crate::devices::{Camera, Finding};
 use crate::new_folder;
-use crate::progress::{Progress, Unit};
 use crate::pack::records::Records;
+use crate::progress::{Progress, Unit};
 use crate::rigs::virtual_emitter::{self, VirtualEmitter};
 use crate::rigs::virtual_stage::{self, VirtualStage};
 use crate::rigs::{Condition, Kind, Rig, RigFile, SensorResponseChoice};
@@ -175,7 +175,9 @@ impl Arguments {
     fn rig_and_sampler(&self) -> anyhow::Result<(RigFile, SamplerChoice)> {
         if !self.resume {
             let Some(path) = &self.rig else {
-                anyhow::bail!("no rig file: give one, as in `relume capture presets/rigs/virtual-stage.toml`, or --resume");
+                anyhow::bail!(
+                    "no rig file: give one, as in `relume capture presets/rigs/virtual-stage.toml`, or --resume"
+                );
             };
             let rig = RigFile::read(path)?;
             if let Err(error) = new_folder::check(&self.session)
@@ -203,7 +205,11 @@ impl Arguments {
         let begun = SamplerChoice::value_variants().iter().find(|known| known.id() == capture.sampler);
         let Some(begun) = begun else { anyhow::bail!("{place}: a sampler called `{}` is not known", capture.sampler) };
         let asked = self.sampler.unwrap_or(*begun);
-        anyhow::ensure!(asked == *begun, "{place}: begun with --sampler {}; begin a new session for another", begun.id());
+        anyhow::ensure!(
+            asked == *begun,
+            "{place}: begun with --sampler {}; begin a new session for another",
+            begun.id()
+        );
         Ok((capture.rig, asked))
     }
 
@@ -295,7 +301,9 @@ impl Arguments {
             Ok(Outcome { end: End::Complete, taken }) => {
                 Ok(format!("{state} ({taken} taken now)\nnext: relume pack {place} -o {place}.rfield\n"))
             }
-            Ok(Outcome { end: End::Time | End::Photos, taken }) => Ok(format!("{state} ({taken} taken now); {resume}\n")),
+            Ok(Outcome { end: End::Time | End::Photos, taken }) => {
+                Ok(format!("{state} ({taken} taken now); {resume}\n"))
+            }
         }
     }
 }

@@ -6,8 +6,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use relume_core::calibrate::linearity::Compared;
 use relume_core::acquire::{FlatField, ImportLp, Measured};
+use relume_core::calibrate::linearity::Compared;
 use relume_core::domain::lp;
 use relume_core::field::{Access, Asset, Precision};
 use relume_core::files::{check_folder, write_whole};
@@ -145,7 +145,8 @@ impl Arguments {
         report += &irradiances.words();
         report += &checks.words();
         report += &linearity_words(&packed);
-        let doubts = irradiances.doubts.iter().chain(developer.doubts()).cloned().chain(checks.doubts()).chain(doubts(&packed));
+        let doubts =
+            irradiances.doubts.iter().chain(developer.doubts()).cloned().chain(checks.doubts()).chain(doubts(&packed));
         doubts.for_each(|doubt| note(&doubt));
         if let Err(error) = self.keep(stage, &developer, &irradiances, &report) {
             note(&format!("what was found could not be written into the session: {error}"));

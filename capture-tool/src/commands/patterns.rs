@@ -278,7 +278,8 @@ impl Arguments {
             ("--influence", self.influence.is_some(), &[Hv]),
         ];
         let name = |kind: &KindChoice| kind.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
-        for (flag, _, kinds) in given.iter().filter(|(_, set, kinds)| *set && !kinds.contains(&self.kind)) {
+        let misplaced = given.iter().find(|(_, set, kinds)| *set && !kinds.contains(&self.kind));
+        if let Some((flag, _, kinds)) = misplaced {
             let kinds: Vec<String> = kinds.iter().map(name).collect();
             anyhow::bail!("{flag} is for {}, and has no meaning for {}", kinds.join(" and "), name(&self.kind));
         }

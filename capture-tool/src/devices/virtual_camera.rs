@@ -98,7 +98,8 @@ impl Camera for VirtualCamera {
 
     fn expose(&mut self) -> Result<(), Trouble> {
         self.answer()?;
-        let nothing = |what: &str| Trouble::Stop { what: what.to_owned(), advice: "this is a mistake in relume".to_owned() };
+        let nothing =
+            |what: &str| Trouble::Stop { what: what.to_owned(), advice: "this is a mistake in relume".to_owned() };
         let setting = self.setting.ok_or_else(|| nothing("the camera was given no exposure time"))?;
         let view = look(&self.window).ok_or_else(|| nothing("the virtual rig shows nothing"))?;
         let iso = setting.iso.unwrap_or(100.0);

@@ -1,13 +1,17 @@
 //! The camera: its black level, its response, and brackets as light.
 
+use std::sync::Arc;
+
 use relume_core::calibrate::black::{Black, Blacks};
-use relume_core::hdr::{self, Curve, Known, Merged, Merger, Noise, Options, Patches, Recovered, RecoveryReport, Survey};
+use relume_core::hdr::{
+    self, Curve, Known, Merged, Merger, Noise, Options, Patches, Recovered, RecoveryReport, Shot, Survey,
+};
 use relume_core::image::{Image, SampleType};
 use relume_core::{Error, Result};
 
-use super::records::{Records, shot};
+use super::records::{Records, relative, shot};
 use crate::rigs::{CameraRig, ResponseChoice};
-use crate::session::{Photograph, Role};
+use crate::session::{Exposure, Photograph, Role};
 
 /// Photographs that are looked at for the code at which the camera clips.
 const SURVEYED: usize = 12;
@@ -28,16 +32,45 @@ impl Developer {
     /// # Errors
     /// No photograph at all; a series that tells nothing, with the reason.
     pub fn new(records: &Records, camera: &CameraRig) -> Result<Self> {
+        Self::with(records, camera.response)
+    }
+
+    /// For choosing exposures, before all calibration is there: a response that is not known yet is taken as sRGB, which is
+    /// near enough.
+    ///
+    /// # Errors
+    /// As [`Developer::new`].
+    pub fn for_previews(records: &Records, camera: &CameraRig) -> Result<Self> {
+        let unknown = camera.response == ResponseChoice::Recover && records.of(Role::Response).next().is_none();
+        Self::with(records, if unknown { ResponseChoice::Srgb } else { camera.response })
+    }
+
+    fn with(records: &Records, response: ResponseChoice) -> Result<Self> {
         let sample_type = sample_type(records)?;
         // A first level from codes as they are; a curved response wants the second, through its curve.
         let first = black(records, Curve::Linear, sample_type)?;
         let level = first.as_ref().map_or([0.0; 3], |black| black.level);
         let clip = clip(records, sample_type)?;
-        let (curve, recovery) = curve(records, camera, sample_type, clip, level)?;
+        let (curve, recovery) = curve(records, response, sample_type, clip, level)?;
         let black = if curve == Curve::Linear { first } else { black(records, curve.clone(), sample_type)? };
         let level = black.as_ref().map_or([0.0; 3], |black| black.level);
         let options = Options { clip, black: level, ..Options::new(curve, sample_type) };
         Ok(Self { merger: Merger::new(options)?, black, recovery })
+    }
+
+    /// What merges brackets.
+    pub fn merger(&self) -> &Merger {
+        &self.merger
+    }
+
+    /// Merges codes that are in memory.
+    ///
+    /// # Errors
+    /// Pictures of different sizes.
+    pub fn merge(&self, exposures: &[Exposure], codes: &[Arc<Image>]) -> Result<Merged> {
+        let shot = |e: &Exposure| Shot { exposure: relative(e), iso: e.iso.unwrap_or(100.0), offset: [0; 2] };
+        let shots: Vec<Shot> = exposures.iter().map(shot).collect();
+        self.merger.merge(&shots, &mut |index| Ok(codes[index].clone()))
     }
 
     /// What a person should know, a sentence each.
@@ -75,8 +108,7 @@ impl Developer {
 }
 
 fn sample_type(records: &Records) -> Result<SampleType> {
-    let first = records.of(Role::Sample).next().or_else(|| records.of(Role::Dark).next());
-    let Some(first) = first else {
+    let Some(first) = records.all().next() else {
         return Err(Error::invalid("the session", "no photograph", "a session that was captured"));
     };
     Ok(records.codes(first, &first.frames[0])?.1)
@@ -98,7 +130,8 @@ fn black(records: &Records, curve: Curve, sample_type: SampleType) -> Result<Opt
 /// Where codes pile up at the top, in the longest exposures.
 fn clip(records: &Records, sample_type: SampleType) -> Result<[f32; 3]> {
     let mut survey: Option<Survey> = None;
-    let all: Vec<&Photograph> = records.of(Role::Response).chain(records.of(Role::Preview)).chain(records.of(Role::Sample)).collect();
+    let all: Vec<&Photograph> =
+        records.of(Role::Response).chain(records.of(Role::Preview)).chain(records.of(Role::Sample)).collect();
     let step = all.len().div_ceil(SURVEYED).max(1);
     for photograph in all.into_iter().step_by(step) {
         if let Some(frame) = photograph.frames.last() {
@@ -111,12 +144,12 @@ fn clip(records: &Records, sample_type: SampleType) -> Result<[f32; 3]> {
 
 fn curve(
     records: &Records,
-    camera: &CameraRig,
+    response: ResponseChoice,
     sample_type: SampleType,
     clip: [f32; 3],
     black: [f32; 3],
 ) -> Result<(Curve, Option<RecoveryReport>)> {
-    match camera.response {
+    match response {
         ResponseChoice::Linear => Ok((Curve::Linear, None)),
         ResponseChoice::Srgb => Ok((Curve::Srgb, None)),
         ResponseChoice::Recover => {

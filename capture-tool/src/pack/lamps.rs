@@ -93,7 +93,8 @@ impl Irradiances {
     fn equal(records: &Records, stage: &StageRig) -> Result<Self> {
         let frames = records.of(Role::Sample).next().map(|p| &p.frames);
         let middle = frames.and_then(|frames| frames.get(frames.len() / 2)?.exposure.as_ref()).map(relative);
-        let exposure = middle.ok_or_else(|| Error::invalid("the session", "no exposure times", "photographs with them"))?;
+        let exposure =
+            middle.ok_or_else(|| Error::invalid("the session", "no exposure times", "photographs with them"))?;
         let per = exposure as f32;
         let doubts = vec![
             "the lamps' irradiances were not measured and are taken as equal: give the rig file a [calibration.white_ball]"

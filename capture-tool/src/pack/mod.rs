@@ -21,3 +21,5 @@ pub mod develop;
 pub mod lamps;
 pub mod records;
 pub mod stage;
+#[cfg(test)]
+mod tests;

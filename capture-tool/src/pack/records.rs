@@ -67,7 +67,11 @@ impl Records {
                 self.root.display(),
                 photograph.number
             );
-            return Err(Error::invalid(path.display().to_string(), "other bytes than the journal's hash says", expected));
+            return Err(Error::invalid(
+                path.display().to_string(),
+                "other bytes than the journal's hash says",
+                expected,
+            ));
         }
         let (image, sample_type) = read_codes(&path)?;
         Ok((Arc::new(image.into_rgb()), sample_type))

@@ -64,7 +64,8 @@ impl StagePack<'_> {
         let lamps = self.lamps()?;
         let (size, mut photographs) = self.room(&lamps, output)?;
         let total = (lamps.len() + size.1.div_ceil(BLOCK_HEIGHT)) as u64;
-        let mut packed = Packed { lamps: lamps.len(), of: self.stage.lamps.count(), linearity: Vec::new(), clipped: 0.0 };
+        let mut packed =
+            Packed { lamps: lamps.len(), of: self.stage.lamps.count(), linearity: Vec::new(), clipped: 0.0 };
         let mut ambient = Mean::new(size);
         for stop in 0..self.stage.lamps.stops() {
             let of_stop: Vec<_> = lamps.iter().filter(|(lamp, _)| self.stop_of(*lamp) == stop).copied().collect();

@@ -415,7 +415,11 @@ impl RigFile {
         ];
         for (key, value, range) in counts {
             if !range.contains(&value) {
-                return refuse(key, value.to_string(), &format!("a whole number from {} to {}", range.start(), range.end()));
+                return refuse(
+                    key,
+                    value.to_string(),
+                    &format!("a whole number from {} to {}", range.start(), range.end()),
+                );
             }
         }
         Ok(())

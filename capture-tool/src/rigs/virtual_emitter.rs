@@ -21,7 +21,7 @@ use crate::devices::virtual_camera::{View, Window};
 use crate::devices::{Finding, Trouble};
 
 /// Radius of the virtual projector's lens, scene units: mirrors see it as a small disc.
-const LENS_RADIUS: f32 = 0.04;
+const LENS_RADIUS: f32 = 0.08;
 
 /// The display.
 #[derive(Debug)]
@@ -103,13 +103,9 @@ impl VirtualEmitter {
         let grids = self.rows.grids();
         let here = grids.columns * grids.rows;
         let codes = self.codes(condition)?;
-        let channels: [Vec<[f32; 3]>; 3] =
-            std::array::from_fn(|c| self.display.emitted(&codes.iter().map(|rgb| rgb[c]).collect::<Vec<u8>>()));
         let first = condition.stop(1) * here;
         let mut emitted = vec![[0.0; 3]; grids.elements()];
-        for (n, light) in emitted[first..first + here].iter_mut().enumerate() {
-            *light = std::array::from_fn(|c| channels[c][n][c]);
-        }
+        emitted[first..first + here].copy_from_slice(&self.display.emitted(codes.as_flattened()));
         self.rows.photograph(&emitted)
     }
 }
@@ -174,7 +170,7 @@ fn traced(rig: &RigFile, progress: &mut Progress<'_>) -> Result<Rows> {
     }
     let simulation = &rig.simulation;
     let (width, height) = (simulation.width, simulation.height);
-    let quality = Quality { samples: simulation.samples, seed: simulation.seed, ..Quality::default() };
+    let quality = Quality { samples: simulation.samples, seed: simulation.seed, ..Quality::rig() };
     let rows = match (&rig.monitor, &rig.gantry) {
         (Some(monitor), _) => {
             Monitor::demo(Camera::monitor(width, height), (monitor.columns, monitor.rows)).trace(&quality, progress)?
@@ -187,11 +183,10 @@ fn traced(rig: &RigFile, progress: &mut Progress<'_>) -> Result<Rows> {
 }
 
 fn virtual_gantry(rig: &GantryRig, camera: Camera) -> Gantry {
-    let places = rig.positions.directions().into_iter().map(|d| d.cast::<f32>() * rig.distance as f32);
     Gantry {
         scene: Scene::gantry(),
         camera,
-        positions: places.collect(),
+        positions: Gantry::above_table(&rig.positions.directions(), rig.distance as f32),
         view_rad: rig.view_deg.to_radians() as f32,
         squares: rig.squares,
         lens_radius: LENS_RADIUS,

@@ -57,10 +57,25 @@ impl VirtualStage {
         faults: &[Fault],
         progress: &mut dyn FnMut(u64, u64) -> Result<()>,
     ) -> Result<Self> {
+        Self::in_file(rig, &cached(rig)?, scan, window, faults, progress)
+    }
+
+    /// As [`VirtualStage::new`], the scene kept in a file of its own.
+    ///
+    /// # Errors
+    /// As [`VirtualStage::new`].
+    pub fn in_file(
+        rig: &RigFile,
+        scene: &Path,
+        scan: u64,
+        window: Window,
+        faults: &[Fault],
+        progress: &mut dyn FnMut(u64, u64) -> Result<()>,
+    ) -> Result<Self> {
         let Some(stage) = rig.stage.clone() else {
             return Err(Error::invalid("rig", "no [stage] table", "a stage"));
         };
-        let transport = traced(rig, &stage.lamps, progress)?;
+        let transport = traced(rig, &stage.lamps, scene, progress)?;
         let directions = stage.lamps.directions();
         let irradiances = irradiances(rig, stage.lamps.per_stop());
         let radiance = (rig.simulation.irradiance * rig.simulation.ambient) as f32;
@@ -79,17 +94,13 @@ impl VirtualStage {
         })
     }
 
-    /// The field without noise, as it would be captured by a perfect camera.
-    pub fn transport(&self) -> &Path {
-        self.transport.path()
-    }
-
     /// Light of a condition, before drift.
     fn light(&self, condition: &Condition) -> Result<Image> {
         let bulb = |lamp: usize| self.irradiances[self.stage.lamps.bulb(lamp)];
         match condition {
             Condition::Lamp(lamp) => {
-                let dense = self.transport.dense().ok_or_else(|| Error::invalid("virtual stage", "no samples", "samples"))?;
+                let dense =
+                    self.transport.dense().ok_or_else(|| Error::invalid("virtual stage", "no samples", "samples"))?;
                 let mut picture = dense.picture(*lamp)?;
                 let e = bulb(*lamp);
                 picture.data_mut().chunks_exact_mut(3).for_each(|p| (0..3).for_each(|c| p[c] *= e[c]));
@@ -109,7 +120,9 @@ impl VirtualStage {
                 Ok(ball.photograph(&camera, &FarLamp { direction: self.directions[*lamp], irradiance: bulb(*lamp) }))
             }
             Condition::Black { .. } => Ok(Image::new(self.ambient.width(), self.ambient.height(), 3)),
-            other => Err(Error::invalid("virtual stage", other.to_string(), "a lamp, all lamps, black or a white ball")),
+            other => {
+                Err(Error::invalid("virtual stage", other.to_string(), "a lamp, all lamps, black or a white ball"))
+            }
         }
     }
 
@@ -121,7 +134,11 @@ impl VirtualStage {
 
 impl Rig for VirtualStage {
     fn preflight(&mut self) -> Vec<Finding> {
-        vec![Finding::fine(format!("stage: virtual, {} lamps, {} stops", self.directions.len(), self.stage.lamps.stops()))]
+        vec![Finding::fine(format!(
+            "stage: virtual, {} lamps, {} stops",
+            self.directions.len(),
+            self.stage.lamps.stops()
+        ))]
     }
 
     fn emit(&mut self, step: &Step) -> Result<(), Trouble> {
@@ -200,12 +217,16 @@ pub fn noise_seed(rig: &RigFile, step: &Step) -> u64 {
     rig.simulation.seed ^ (step.index + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15)
 }
 
-fn traced(rig: &RigFile, lamps: &Lamps, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Asset> {
-    let path = cached(rig)?;
+fn traced(
+    rig: &RigFile,
+    lamps: &Lamps,
+    path: &Path,
+    progress: &mut dyn FnMut(u64, u64) -> Result<()>,
+) -> Result<Asset> {
     if !path.is_file() {
-        trace(rig, lamps, &path, progress)?;
+        trace(rig, lamps, path, progress)?;
     }
-    Asset::open(&path, Access::Mapped)
+    Asset::open(path, Access::Mapped)
 }
 
 fn trace(rig: &RigFile, lamps: &Lamps, path: &Path, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<()> {

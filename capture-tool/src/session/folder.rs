@@ -20,7 +20,6 @@ const HASHED: usize = 64;
 #[derive(Debug)]
 pub struct Session {
     root: PathBuf,
-    description: Description,
     journal: Journal,
     /// Numbers of photographs whose files are gone or changed.
     damaged: HashSet<u64>,
@@ -51,11 +50,10 @@ impl Session {
     /// # Errors
     /// No session, a newer one, one that another process has open, a damaged journal.
     pub fn open(root: &Path) -> Result<Self> {
-        let description = Description::read(root)?;
+        Description::read(root)?;
         let lock = Lock::take(root)?;
         let (journal, _torn) = Journal::open(root)?;
-        let mut session =
-            Self { root: root.to_owned(), description, journal, damaged: HashSet::new(), _lock: lock };
+        let mut session = Self { root: root.to_owned(), journal, damaged: HashSet::new(), _lock: lock };
         session.sweep()?;
         session.damaged = damaged(root, &session.photographs().cloned().collect::<Vec<_>>());
         Ok(session)
@@ -64,11 +62,6 @@ impl Session {
     /// The folder.
     pub fn root(&self) -> &Path {
         &self.root
-    }
-
-    /// `session.toml`.
-    pub fn description(&self) -> &Description {
-        &self.description
     }
 
     /// All lines of the journal.
@@ -121,10 +114,8 @@ impl Session {
     ) -> Result<()> {
         let name = format!("{:06}", folder.number);
         photograph.number = folder.number;
-        photograph.frames = files
-            .iter()
-            .map(|(path, exposure)| frame(path, &name, *exposure))
-            .collect::<Result<_>>()?;
+        photograph.frames =
+            files.iter().map(|(path, exposure)| frame(path, &name, *exposure)).collect::<Result<_>>()?;
         sync_folder(&folder.path)?;
         let photos = self.root.join("photos");
         let to = photos.join(&name);

@@ -5,6 +5,7 @@
 //! journal.jsonl     append-only, a line a finished photograph ([`Line`]), synced before the next condition is emitted
 //! photos/NNNNNN/    photograph N, counted from 1: one file an exposure, as the camera gave them
 //! calibration/      imports: the .lp file, black photograph, tables; captures: what `pack` found, for people to read
+//! patterns/         imports of pairs: the pictures that were shown, and what is known of them
 //! references/       pictures shown on a screen to be photographed
 //! contact-sheets/   small pictures with their numbers, a page a hundred photographs
 //! capture.log       a line a photograph, for people

@@ -4,6 +4,8 @@
 //! there without lamps is a picture of its own, called `ambient`. Where each lamp stood is told by attributes of its part
 //! (`relume export exr` writes them) or by a `.lp` file whose photographs are called as the layers.
 
+use std::collections::{HashMap, HashSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -84,7 +86,8 @@ impl ImportExr {
             Some(path) => self.listed(&layers, &lp::read(path, self.lengths)?)?,
             None => self.told(&layers)?,
         };
-        let others = || (0..layers.layers().len()).filter(|n| !lamps.contains(n));
+        let is_lamp: HashSet<usize> = lamps.iter().copied().collect();
+        let others = || (0..layers.layers().len()).filter(|n| !is_lamp.contains(n));
         let named = |wanted: &str| others().find(|&n| layers.layers()[n].name.eq_ignore_ascii_case(wanted));
         let (ambient, alpha) = (named(AMBIENT), named(ALPHA));
         let known = |n: &usize| Some(*n) == ambient || Some(*n) == alpha;
@@ -121,9 +124,10 @@ impl ImportExr {
 
     /// Lamps by a `.lp` file.
     fn listed(&self, layers: &Layers, lp: &lp::Lp) -> Result<(Vec<usize>, Vec<Vec3>, bool)> {
-        let find = |name: Option<&std::ffi::OsStr>| {
-            layers.layers().iter().position(|layer| name.is_some_and(|name| *name == *layer.name))
-        };
+        // Of layers of one name the first.
+        let named: HashMap<&OsStr, usize> =
+            layers.layers().iter().enumerate().rev().map(|(n, layer)| (OsStr::new(&layer.name), n)).collect();
+        let find = |name: Option<&OsStr>| named.get(name?).copied();
         let by_name: Vec<Option<usize>> =
             lp.photographs.iter().map(|path| find(path.file_name()).or_else(|| find(path.file_stem()))).collect();
         let place = || format!("{} for {}", self.lp.as_deref().unwrap_or(Path::new("")).display(), self.exr.display());

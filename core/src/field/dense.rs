@@ -173,7 +173,14 @@ impl Dense {
     }
 
     /// The numbers of one element in a block, scaled.
-    fn tile(&self, bx: usize, by: usize, c: usize, element: usize, buffer: &mut BlockBuffer) -> Result<[f32; BLOCK_PIXELS]> {
+    fn tile(
+        &self,
+        bx: usize,
+        by: usize,
+        c: usize,
+        element: usize,
+        buffer: &mut BlockBuffer,
+    ) -> Result<[f32; BLOCK_PIXELS]> {
         let index = (by * self.layout.columns() + bx) * CHANNELS + c;
         let length = BLOCK_PIXELS * self.precision.bytes();
         let at = self.start + (index * self.layout.elements + element) as u64 * length as u64;

@@ -249,7 +249,7 @@ fn grey_channels(header: &Header) -> Option<Vec<String>> {
     std::iter::once(String::new()).chain(layers).find_map(|layer| with_alpha(&names, &layer, &["Y"]))
 }
 
-pub(super) fn with_alpha(names: &[String], layer: &str, wanted: &[&str]) -> Option<Vec<String>> {
+fn with_alpha(names: &[String], layer: &str, wanted: &[&str]) -> Option<Vec<String>> {
     let mut found: Vec<String> = wanted.iter().map(|channel| format!("{layer}{channel}")).collect();
     if !found.iter().all(|name| names.contains(name)) {
         return None;

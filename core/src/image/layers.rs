@@ -23,7 +23,7 @@ use ::exr::prelude::{Compression, SmallVec};
 use half::f16;
 use rayon::prelude::*;
 
-use super::exr::{BATCH, Part, caught, chromaticities, decompressed, failure, with_alpha};
+use super::exr::{BATCH, Part, caught, chromaticities, decompressed, failure};
 use super::stored::{check_size, refuse_non_finite};
 use super::{ColourSpace, Image};
 use crate::error::{Error, Result};
@@ -33,6 +33,8 @@ use crate::files::write_whole;
 const BATCH_BYTES: usize = 256 << 20;
 /// Chromaticities are those of a colour space if they are no farther: files have f32, and people round.
 const CHROMATICITY: f32 = 1e-3;
+/// What red, green and blue are called: by renderers, and by Nuke in layers other than its first.
+const COLOURS: [[&str; 3]; 3] = [["R", "G", "B"], ["r", "g", "b"], ["red", "green", "blue"]];
 /// Attribute of a part: the unit vector towards its lamp, stage frame (x right, y up, z to the camera).
 const DIRECTION: &str = "relumeDirection";
 /// Attribute of a part: the irradiance that its lamp gives a patch facing it.
@@ -43,7 +45,7 @@ const MOST_LAYERS: usize = 1 << 16;
 /// What is known of a picture without reading it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// Name of the layer, or of the part where its channels have none.
+    /// Name of the layer, or of the part where its channels have none, or `part N`.
     pub name: String,
     /// Where its lamp stands, if the file tells.
     pub direction: Option<[f32; 3]>,
@@ -65,7 +67,8 @@ pub struct Layers {
 
 impl Layers {
     /// Lists the pictures of a file: parts in its order, layers of one part in the order of their names, numbers in names by
-    /// value. A layer is what has R, G and B, or Y; a part of one channel is a grey picture.
+    /// value. A layer is what has R, G and B (or
+    /// r, g, b, or red, green, blue), or Y; a part of one channel is a grey picture.
     ///
     /// # Errors
     /// A file that is no OpenEXR; no picture in it; what `read` refuses.
@@ -93,7 +96,12 @@ impl Layers {
             return Err(Error::invalid(place(), found, format!("at most {MOST_LAYERS}")));
         }
         let size = Part::new(path, meta, first.part)?.size();
+        let mut checked = None;
         for layer in &layers {
+            if checked == Some(layer.part) {
+                continue;
+            }
+            checked = Some(layer.part);
             let other = Part::new(path, meta, layer.part)?.size();
             if other != size {
                 let found = format!("{} x {} pixels", other.0, other.1);
@@ -202,20 +210,22 @@ fn layers_of(part: usize, header: &Header) -> Vec<Layer> {
         return Vec::new();
     }
     let names: Vec<String> = header.channels.list.iter().map(|c| c.name.to_string()).collect();
-    let place = |name: &String| names.iter().position(|n| n == name);
+    let places: HashMap<&str, usize> = names.iter().zip(0..).map(|(name, place)| (name.as_str(), place)).collect();
     let mut prefixes: Vec<&str> = names.iter().map(|name| name.rfind('.').map_or("", |dot| &name[..=dot])).collect();
     prefixes.sort_by(|a, b| natural(a, b));
     prefixes.dedup();
     let part_name = header.own_attributes.layer_name.as_ref().map(ToString::to_string).unwrap_or_default();
     let layer = |prefix: &&str| {
-        let of = |wanted: &[&str]| with_alpha(&names, prefix, wanted).map(|found| found[..wanted.len()].to_vec());
-        let single = || (names.len() == 1).then(|| names.clone());
-        let channels = of(&["R", "G", "B"]).or_else(|| of(&["Y"])).or_else(single)?;
+        let of = |wanted: &[&str]| -> Option<Vec<usize>> {
+            wanted.iter().map(|channel| places.get(format!("{prefix}{channel}").as_str()).copied()).collect()
+        };
+        let single = || (names.len() == 1).then(|| vec![0]);
+        let channels = COLOURS.iter().find_map(|colours| of(colours)).or_else(|| of(&["Y"])).or_else(single)?;
         let name = match prefix.trim_end_matches('.') {
+            "" if part_name.is_empty() => format!("part {}", part + 1),
             "" => part_name.clone(),
             layer => layer.to_owned(),
         };
-        let channels = channels.iter().filter_map(place).collect();
         Some(Layer { name, direction: direction_of(header), irradiance: irradiance_of(header), part, channels })
     };
     prefixes.iter().filter_map(layer).collect()
@@ -487,6 +497,9 @@ mod tests {
         }
         channels.push(exrs::AnyChannel::new("Z", samples(9, 0)));
         channels.push(exrs::AnyChannel::new("matte.Y", samples(8, 1)));
+        for (c, name) in ["key.red", "key.green", "key.blue"].iter().enumerate() {
+            channels.push(exrs::AnyChannel::new(*name, samples(6, c)));
+        }
         let encoding = exrs::Encoding {
             compression: Compression::PIZ,
             blocks: exrs::Blocks::Tiles(Vec2(16, 8)),
@@ -499,7 +512,7 @@ mod tests {
 
         let layers = Layers::open(&path).unwrap();
         let names: Vec<&str> = layers.layers().iter().map(|layer| layer.name.as_str()).collect();
-        assert_eq!(names, ["beauty", "lamp.1", "lamp.2", "lamp.10", "matte"]);
+        assert_eq!(names, ["beauty", "key", "lamp.1", "lamp.2", "lamp.10", "matte"]);
         assert!(layers.layers().iter().all(|layer| layer.direction.is_none()) && layers.colour_space().is_none());
         let cropped = |n: usize, colours: [usize; 3]| {
             Image::from_fn(SIZE.0, SIZE.1, |x, y| {
@@ -507,8 +520,9 @@ mod tests {
                 colours.map(|c| if inside { picture(n).pixel(x, y)[c] } else { 0.0 })
             })
         };
-        let read = layers.read(&[3, 0, 4, 1]).unwrap();
-        let expected = [cropped(2, [0, 1, 2]), cropped(0, [0, 1, 2]), cropped(8, [1; 3]), cropped(3, [0, 1, 2])];
+        let read = layers.read(&[4, 0, 5, 2, 1]).unwrap();
+        let rgb = |n: usize| cropped(n, [0, 1, 2]);
+        let expected = [rgb(2), rgb(0), cropped(8, [1; 3]), rgb(3), rgb(6)];
         assert!(read == expected);
     }
 
@@ -519,7 +533,8 @@ mod tests {
         let parts = || file(vec![part("a"), part("b")]);
         let mut nan = picture(1);
         nan.pixel_mut(3, 4)[1] = f32::NAN;
-        let mut bad: Vec<(Box<dyn FnMut(usize) -> Result<Image>>, &str)> = vec![
+        type Source = Box<dyn FnMut(usize) -> Result<Image>>;
+        let mut bad: Vec<(Source, &str)> = vec![
             (Box::new(|n| if n == 0 { Ok(picture(0)) } else { Err(Error::Cancelled) }), "stopped on request"),
             (Box::new(move |n| if n == 0 { Ok(picture(0)) } else { Ok(nan.clone()) }), "b, pixel (3, 4), channel G"),
             (Box::new(|_| Ok(Image::new(3, 3, 3))), "expected 37 x 29 x 3"),

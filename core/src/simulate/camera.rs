@@ -1,5 +1,7 @@
 //! The pinhole camera of the stage: on +z, looking at the origin, +x right and +y up.
 
+use crate::error::{Error, Result};
+
 use super::V3;
 use super::shape::Ray;
 
@@ -20,6 +22,27 @@ impl Camera {
     /// The view of [`Scene::demo`](super::Scene::demo).
     pub fn demo(width: usize, height: usize) -> Self {
         Self { width, height, distance: 6.5, view_rad: 22f32.to_radians() }
+    }
+
+    /// Checks the figures; ask once, where they come in.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] at `place`: no pixels or more than 2^28, a distance or a view that no camera has.
+    pub fn check(&self, place: &str) -> Result<()> {
+        let refuse = |field: &str, found: String, expected: &str| {
+            Err(Error::invalid(format!("{place}, {field}"), found, expected))
+        };
+        if !self.width.checked_mul(self.height).is_some_and(|pixels| (1..=1 << 28).contains(&pixels)) {
+            return refuse("picture", format!("{} x {}", self.width, self.height), "1 to 268435456 pixels");
+        }
+        if !(self.distance.is_finite() && self.distance > 0.0) {
+            return refuse("distance", self.distance.to_string(), "a number above 0");
+        }
+        if !(self.view_rad > 0.0 && self.view_rad < 3.0) {
+            let found = format!("{:.3} degrees", self.view_rad.to_degrees());
+            return refuse("view", found, "more than 0 and less than 171 degrees");
+        }
+        Ok(())
     }
 
     /// The ray through continuous picture coordinates: (0, 0) is the top left corner, pixel centres lie at +0.5.

@@ -15,13 +15,13 @@ const LEAN_RAD: f32 = 16.0 * std::f32::consts::PI / 180.0;
 const DEPTH: f32 = 0.42;
 
 /// A point at (right, above the table, towards the camera along the table).
-fn on_table(right: f32, above: f32, near: f32) -> V3 {
+pub(super) fn on_table(right: f32, above: f32, near: f32) -> V3 {
     let (s, c) = LEAN_RAD.sin_cos();
     let (up, front) = (V3::new(0.0, c, s), V3::new(0.0, -s, c));
     V3::new(right, 0.0, 0.0) + up * (above - DEPTH) + front * near
 }
 
-fn ball(right: f32, near: f32, radius: f32, material: Material) -> Object {
+pub(super) fn ball(right: f32, near: f32, radius: f32, material: Material) -> Object {
     Object { shape: Shape::Sphere { centre: on_table(right, radius + 2e-3, near), radius }, material }
 }
 

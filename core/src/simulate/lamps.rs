@@ -240,7 +240,7 @@ impl Collector for LampCollector<'_> {
         gather(vertex, &weight.map(|w| w * scale), directions, visible, sums);
     }
 
-    fn leave(&mut self, ray: &Ray, weight: &Rgb) {
+    fn leave(&mut self, ray: &Ray, weight: &Rgb, _first: bool) {
         if ray.direction.dot(&self.cells.axis) < self.cells.cos_rim {
             return;
         }
@@ -254,8 +254,8 @@ impl Collector for LampCollector<'_> {
     }
 }
 
-/// Adds `weight * f cos * visible` for every direction.
-fn gather(vertex: &Vertex, weight: &Rgb, directions: Slices<'_>, visible: &[f32], sums: [&mut [f32]; 3]) {
+/// Adds `weight * f cos * visible` for every direction; `visible` may be any factor.
+pub(super) fn gather(vertex: &Vertex, weight: &Rgb, directions: Slices<'_>, visible: &[f32], sums: [&mut [f32]; 3]) {
     let n = visible.len();
     let (x, y, z) = (&directions.x[..n], &directions.y[..n], &directions.z[..n]);
     let [r, g, b] = sums;

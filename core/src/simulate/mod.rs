@@ -1,4 +1,4 @@
-//! A virtual stage: a path tracer that returns rows of `T`, and the same scene lit directly as a truth to compare with.
+//! Virtual rigs: a path tracer that returns rows of `T`, and the same scene lit directly as a truth to compare with.
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -7,6 +7,9 @@
 //! | [`Stage`], [`StageBands`] | light collected by lamp cell: `T`, band by band |
 //! | [`truth`] | light collected from maps: the picture itself |
 //! | [`lights`] | sky, window and strip as maps |
+//! | [`Monitor`], [`ScreenPlane`], [`Screen`] | a screen behind the scene: where it is, and what its codes emit |
+//! | [`Gantry`] | a projector carried about the scene |
+//! | [`Grids`], [`Rows`] | `T` of either rig: sparse, by elements and blocks of them, and its file |
 //! | [`Sensor`] | the camera's codes: response, noise, quantisation |
 //! | [`WhiteBall`], [`Card`] | calibration targets, in closed form |
 //! | [`classes`] | what each pixel shows first, and coverage |
@@ -22,14 +25,26 @@
 //! each specular object, followed to where they leave), another surface (one bounce by the BSDF, dropped when it meets
 //! either of the other two). The three are a partition of the hemisphere, so nothing counts twice.
 
+mod blocks;
 mod camera;
 mod classes;
 mod demo;
+mod gantry;
+#[cfg(test)]
+mod gantry_tests;
+mod grids;
 mod lamps;
 pub mod lights;
 mod material;
+mod monitor;
+#[cfg(test)]
+mod monitor_tests;
+mod rig_scenes;
+mod rows;
+mod rows_file;
 mod sampling;
 mod scene;
+mod screen;
 mod sensor;
 mod shape;
 mod stage;
@@ -42,8 +57,13 @@ mod truth;
 pub use camera::Camera;
 pub use classes::{Class, ClassMap, classes};
 pub use demo::{demo_lamps, grid_lamps};
+pub use gantry::Gantry;
+pub use grids::Grids;
 pub use material::Material;
+pub use monitor::{Monitor, ScreenPlane};
+pub use rows::Rows;
 pub use scene::{Object, Scene};
+pub use screen::{Screen, ScreenCurve};
 pub use sensor::{Codes, Sensor, SensorResponse};
 pub use shape::Shape;
 pub use stage::{Quality, Stage, StageBands};

@@ -124,6 +124,17 @@ impl Shape {
         }
     }
 
+    /// How far the shape reaches from the origin along a unit direction.
+    pub(super) fn reach(&self, direction: &V3) -> f32 {
+        match self {
+            Self::Sphere { centre, radius } => centre.dot(direction) + radius,
+            Self::Block { centre, half, axes } => centre.dot(direction) + axes.tr_mul(direction).abs().dot(half),
+            Self::Disc { centre, normal, radius } => {
+                centre.dot(direction) + radius * (1.0 - normal.dot(direction).powi(2)).max(0.0).sqrt()
+            }
+        }
+    }
+
     /// Darkens (sets to 0) the directions that this shape blocks for a point outside of it or on its surface; a convex
     /// shape never shades its own surface, so the caller leaves out the shape that the point lies on.
     pub(super) fn shade(&self, origin: &V3, directions: Slices<'_>, visible: &mut [f32]) {

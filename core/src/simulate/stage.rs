@@ -21,7 +21,7 @@ pub struct Quality {
     pub samples: usize,
     /// Bounces towards other surfaces for each camera ray.
     pub bounces: usize,
-    /// Later surfaces sample every k-th lamp.
+    /// Later surfaces sample every k-th lamp of a stage, every k-th position of a gantry.
     pub stride: usize,
     /// Directions per steradian towards mirrors and glass, a pixel.
     pub cone_density: f32,
@@ -42,6 +42,12 @@ impl Quality {
     /// What the demonstration's [`truth`](super::truth) uses: more camera rays, and numbers of its own.
     pub fn truth() -> Self {
         Self { samples: 64, seed: 101, ..Self::default() }
+    }
+
+    /// What the virtual monitor and gantry use: a fraction of the default's work. Rows traced once are what these rigs are,
+    /// so what noise there is in them is texture of the bodies, never an error of a photograph.
+    pub fn rig() -> Self {
+        Self { bounces: 8, stride: 4, cone_density: 2000.0, ..Self::default() }
     }
 
     pub(super) fn effort(&self) -> Effort {
@@ -115,7 +121,7 @@ impl<'a> Stage<'a> {
 }
 
 /// A number for a pixel that neighbours do not share.
-fn scramble(seed: u64, x: usize, y: usize) -> u64 {
+pub(super) fn scramble(seed: u64, x: usize, y: usize) -> u64 {
     let mut h = seed ^ (x as u64) << 32 ^ y as u64;
     for _ in 0..2 {
         h = (h ^ h >> 31).wrapping_mul(0x9e37_79b9_7f4a_7c15);

@@ -63,7 +63,7 @@ pub struct Card {
     pub half: [f32; 2],
     /// Columns and rows of patches.
     pub grid: (usize, usize),
-    /// Reflectances, row by row from the top left; as many as the grid has patches.
+    /// Reflectances, row by row from the top left; a patch without one is black.
     pub reflectances: Vec<[f32; 3]>,
 }
 
@@ -85,7 +85,8 @@ impl Card {
                 return None;
             }
             let (i, j) = ((u * columns as f32) as usize, (v * rows as f32) as usize);
-            let albedo = self.reflectances.get(j.min(rows - 1) * columns + i.min(columns - 1))?;
+            let albedo =
+                self.reflectances.get(j.min(rows.saturating_sub(1)) * columns + i.min(columns.saturating_sub(1)))?;
             Some(std::array::from_fn(|c| albedo[c] / PI * lamp.irradiance[c] * facing))
         })
     }

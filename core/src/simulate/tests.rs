@@ -68,7 +68,7 @@ fn relit(photographs: &[Image], lamps: &Directions, radiance: &[Rgb]) -> (Image,
     (picture, map)
 }
 
-fn relative(a: &Image, b: &Image, pixels: &[usize]) -> f64 {
+pub(super) fn relative(a: &Image, b: &Image, pixels: &[usize]) -> f64 {
     let (mut error, mut norm) = (0.0, 0.0);
     for i in pixels.iter().flat_map(|p| 3 * p..3 * p + 3) {
         error += f64::from(a.data()[i] - b.data()[i]).powi(2);
@@ -140,10 +140,10 @@ fn the_stage_agrees_with_the_truth_under_light_constant_over_cells() {
 }
 
 /// The plainest estimator there is: follow the BSDF until the path leaves, and look up the light.
-fn naive(scene: &Scene, mut ray: Ray, light: &dyn Fn(&V3) -> f32, rng: &mut Pcg32) -> Rgb {
+pub(super) fn naive(scene: &Scene, mut ray: Ray, light: &dyn Fn(&Ray) -> Rgb, rng: &mut Pcg32) -> Rgb {
     let mut weight = [1.0; 3];
     for _ in 0..12 {
-        let Some(hit) = scene.hit(&ray) else { return weight.map(|w| w * light(&ray.direction)) };
+        let Some(hit) = scene.hit(&ray) else { return times(&weight, &light(&ray), 1.0) };
         let against = if hit.normal.dot(&ray.direction) < 0.0 { hit.normal } else { -hit.normal };
         let cos = -against.dot(&ray.direction);
         let direction = match scene.objects[hit.object].material {
@@ -187,7 +187,7 @@ fn the_truth_agrees_with_a_naive_path_tracer() {
         for _ in 0..n {
             let ray = camera.ray(x as f32 + rng.random::<f32>(), y as f32 + rng.random::<f32>());
             if scene.hit(&ray).is_some() {
-                let seen = naive(&scene, ray, &light, &mut rng);
+                let seen = naive(&scene, ray, &|ray| [light(&ray.direction); 3], &mut rng);
                 sum.iter_mut().zip(seen).for_each(|(s, l)| *s += l / n as f32);
             }
         }

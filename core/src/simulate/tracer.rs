@@ -16,8 +16,9 @@ pub(super) trait Collector {
     /// `first`: the camera sees this vertex, itself or through mirrors and glass, so it is worth every effort.
     fn direct(&mut self, scene: &Scene, vertex: &Vertex, weight: &Rgb, first: bool, rng: &mut Pcg32);
 
-    /// A path leaves the scene along `ray` after a mirror or glass, with `weight`.
-    fn leave(&mut self, ray: &Ray, weight: &Rgb);
+    /// A path leaves the scene along `ray` after a mirror or glass, with `weight`. `first`: the camera looks along it, by
+    /// mirrors and glass alone.
+    fn leave(&mut self, ray: &Ray, weight: &Rgb, first: bool);
 }
 
 /// A point of a surface that scatters.
@@ -192,7 +193,7 @@ impl<'a> Tracer<'a> {
             for (direction, weight) in self.branches(&link, &mut state.rng).into_iter().flatten() {
                 let ray = Ray { origin: link.hit.point, direction };
                 let Some(hit) = self.scene.hit(&ray) else {
-                    out.leave(&ray, &weight);
+                    out.leave(&ray, &weight, stand.first);
                     continue;
                 };
                 if self.scene.objects[hit.object].material.is_specular() {

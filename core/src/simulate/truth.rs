@@ -142,7 +142,7 @@ impl Collector for MapCollector<'_> {
         }
     }
 
-    fn leave(&mut self, ray: &Ray, weight: &Rgb) {
+    fn leave(&mut self, ray: &Ray, weight: &Rgb, _first: bool) {
         let Some(first) = self.sources.first() else { return };
         // Maps are of one size: where the ray leaves is found once for all.
         let (w, h) = first.map.image().size();

@@ -30,6 +30,9 @@ const LIGHTS: &str = "lights.lp";
 /// Their irradiances.
 const TABLE: &str = "lights.lamps.tsv";
 
+/// White that went through a field of halves may come back by half a step more: not clipped, only rounded.
+const ROUNDED: f32 = 1.0 + 1.0 / 1024.0;
+
 /// Raw flags.
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
@@ -114,7 +117,7 @@ impl Plan {
             if let Some(ambient) = ambient {
                 picture.data_mut().iter_mut().zip(ambient.data()).for_each(|(v, s)| *v += s);
             }
-            clipped += usize::from(picture.data().iter().any(|v| *v > self.format.largest(self.half)));
+            clipped += usize::from(picture.data().iter().any(|v| *v > ROUNDED * self.format.largest(self.half)));
             let file = format!("{}.{}", name(lamp, count), self.format.extension());
             self.write(&folder.path().join(&file), &picture)?;
             names.push(file);

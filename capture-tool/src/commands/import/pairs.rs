@@ -12,7 +12,7 @@ use super::EncodingChoice;
 use crate::commands::patterns::{DESCRIPTION, Description, Encode};
 use crate::commands::{note, values};
 use crate::new_folder;
-use crate::progress::{self, Progress, Unit};
+use crate::progress::{Progress, Unit};
 use crate::session::pairs::{Emitted, Pairs, stage};
 
 const EXAMPLES: &str = "\
@@ -21,10 +21,11 @@ Examples:
   relume import pairs --patterns noise --photos photographs --black black.exr --session vase-session
   relume import pairs --patterns shown --photos photographs --emitted gamma.txt --texel 8 --session vase-session
 
-Pictures of both folders are paired in the order of their names, numbers in them by value. A pattern
-stands for the light that its codes became, less that of code 0, averaged over each texel; so
-photograph the object under a black picture as well (--black). Folders that `relume patterns` wrote
-tell how their codes become light; for others say so with --emitted.";
+Pictures of both folders are paired in the order of their names, numbers in them by value; brackets
+are merged to one picture a pattern first (see `relume hdr --help`). A pattern stands for the light
+that its codes became, less that of code 0, averaged over each texel; so photograph the object under
+a black picture as well (--black). Folders that `relume patterns` wrote tell how their codes become
+light; for others say so with --emitted.";
 
 /// Files that are pictures, by extension.
 const PICTURES: [&str; 7] = ["exr", "hdr", "png", "tif", "tiff", "jpg", "jpeg"];
@@ -144,10 +145,12 @@ impl Plan {
     /// Reads every pattern, as who solves will, then copies.
     fn carry_out(&self) -> anyhow::Result<String> {
         let (pairs, count) = (&self.pairs, self.pairs.patterns.len());
-        for path in &pairs.patterns {
+        let mut progress = Progress::new("reading patterns", Unit::Steps);
+        for (path, done) in pairs.patterns.iter().zip(1..) {
             patterns::emitted(path, &self.encode.curve, pairs.texel)?;
-            progress::check()?;
+            progress.step(done, count as u64)?;
         }
+        drop(progress);
         if pairs.black.is_none() {
             note("no --black: what the emitter gives where it shows black stays in the photographs");
         }

@@ -48,7 +48,7 @@ impl Series for Stripes {
 
     fn values(&self, n: usize) -> Vec<f32> {
         let (direction, count, inverse) = self.patterns[n];
-        let lit = |at: usize, side: usize| ((at * count / side) % 2 == 0) != inverse;
+        let lit = |at: usize, side: usize| (at * count / side).is_multiple_of(2) != inverse;
         along(self.plane, direction, lit)
     }
 }

@@ -36,12 +36,12 @@ fn values_are_light_and_names_are_in_order() {
             let names: Vec<String> = (0..set.len()).map(|n| set.name(n)).collect();
             assert!(names.is_sorted_by(|a, b| a < b), "{:?}: {names:?}", set.kind());
             assert!(names.iter().flat_map(|name| name.chars()).all(|c| c.is_ascii_alphanumeric() || c == '-'));
-            for n in 0..set.len() {
+            for (n, name) in names.iter().enumerate() {
                 let Pattern { columns: c, rows: r, values } = set.pattern(n);
                 assert_eq!((c, r, values.len()), (columns, rows, columns * rows));
                 assert!(values.iter().all(|v| (0.0..=1.0).contains(v)), "{:?} {n}", set.kind());
                 let lit = values.iter().any(|v| *v > 0.01);
-                assert!(lit || set.element(n) == Element::Ramp { code: 0 } || n < 3 && set.is_codes(), "{}", names[n]);
+                assert!(lit || set.element(n) == Element::Ramp { code: 0 } || n < 3 && set.is_codes(), "{name}");
             }
         }
     }
@@ -120,7 +120,7 @@ fn noise_has_its_mean_its_deviation_and_its_spectrum() {
         for (level, (sum, count)) in (0..).zip(levels) {
             let off = (sum / count).sqrt() * f64::from(1u32 << level) - 1.0;
             // The relative error of a deviation from n samples is 1 / sqrt(2 n).
-            assert!(off.abs() < 4.0 / (2.0 * f64::from(count)).sqrt(), "{wavelet:?}, level {level}: off by {off}");
+            assert!(off.abs() < 4.0 / (2.0f64 * count).sqrt(), "{wavelet:?}, level {level}: off by {off}");
         }
     }
 }
