@@ -37,8 +37,8 @@ Where every photograph is clipped the shortest is used, where all are dark the l
 Dark level: cameras add light to what they code (dark current, flare, an offset that keeps noise from being cut at zero).
 --black takes it off: the light of the level is subtracted from that of each code, and negative values are kept.
 
-Response of 16-bit files: recovered from means of patches, with the dark level and the sensor's noise. Exposures that are all
-one or two stops apart leave a ripple in it; steps that differ, such as 2/3 and 1 stop in turn, do not.
+Response of 16-bit files: recovered from small patches, with the dark level and the sensor's noise. Exposures that are all one
+or two stops apart leave a ripple in it; steps that differ, such as 2/3 and 1 stop in turn, do not.
 
 Response file: comments behind #, then a line for each 8-bit code: CODE RED GREEN BLUE, the linear light of that code.";
 

@@ -41,7 +41,8 @@ const MUCH_AMBIENT: f64 = 0.02;
 pub struct Black {
     /// The code (white = 1) of no light, each channel: [`hdr::Options::black`](crate::hdr::Options::black).
     pub level: [f32; 3],
-    /// Its light, white = 1 (or in the scale of the response).
+    /// Its light, white = 1 (or in the scale of the response). Photographs tell light above the dark level only, so of a
+    /// recovered response only differences of light mean something, and this does not.
     pub dark: [f64; 3],
     /// Ambient light, median over the parts of the picture: light per relative exposure, in the scale of merged pictures.
     pub ambient: [f64; 3],

@@ -35,6 +35,9 @@ const STEEPER: f64 = 2.0;
 const FEWEST: usize = 60;
 /// Tukey's constant for 95 % efficiency at normal noise.
 const TUKEY: f64 = 4.685;
+/// Steep edges may differ by as much as a shift of so many pixels makes before they count as outliers: brackets are noisier
+/// where short exposures gave the light, and lenses breathe.
+const LENIENT_PX: f64 = 0.1;
 /// Smoothing 1 4 6 4 1 both ways leaves this share of white noise's variance, (70 / 256)^2; along slow gradients the noise is
 /// as it was before, so this turns the deviation of residuals into what counts, and is cautious elsewhere.
 const SMOOTHED: f64 = 0.0748;
@@ -284,10 +287,11 @@ impl Fit {
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
             let (mut agree, mut all, mut squares, mut weights, mut common) = (0.0, 0.0, 0.0, 0.0, 0.0);
             for row in &rows {
-                let w = (1.0 - (row.left / (TUKEY * spread.max(1e-5))).powi(2)).max(0.0).powi(2);
+                let steepness = row.derivative.fixed_rows::<2>(0).norm_squared();
+                let reach = TUKEY * (spread * spread + LENIENT_PX * LENIENT_PX * steepness).sqrt().max(1e-5);
+                let w = (1.0 - (row.left / reach).powi(2)).max(0.0).powi(2);
                 normal += w * row.derivative * row.derivative.transpose();
                 right += w * row.left * row.derivative;
-                let steepness = row.derivative.fixed_rows::<2>(0).norm_squared();
                 (agree, all) = (agree + w.min(1.0) * steepness, all + steepness);
                 (squares, weights) = (squares + w * row.left * row.left, weights + w);
                 common += w * row.common;

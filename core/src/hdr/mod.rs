@@ -51,7 +51,7 @@ pub use curve::{Curve, Decoder};
 pub use exposure::{Exposure, Relative, parse_time, relative};
 pub use merge::{Merged, Merger, Options, Shot, merge};
 pub use noise::Noise;
-pub use patches::{Mean, Patch, Patches};
+pub use patches::{Codes, Patch, Patches};
 pub use recover::{LAMBDA, Recovered, RecoveryReport, recover};
 pub use recover_deep::{Known, recover_deep};
 pub use report::{Report, Shares, Use};

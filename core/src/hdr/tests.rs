@@ -288,7 +288,7 @@ fn a_dark_level_is_subtracted_without_bias() {
         let frame = Arc::new(sensor.photograph(&truth, s, 5));
         let mean = |black: [f32; 3], left: bool| {
             let options = Options { black, clip: [1.0; 3], ..Options::new(curve.clone(), SampleType::U16) };
-            let image = merged(&[frame.clone()], &[s], &options).image;
+            let image = merged(std::slice::from_ref(&frame), &[s], &options).image;
             let half = (0..90).flat_map(|y| (0..60).map(move |x| (x + if left { 0 } else { 60 }, y)));
             half.map(|(x, y)| f64::from(image.pixel(x, y)[1])).sum::<f64>() / (5400.0 * scale)
         };
