@@ -467,7 +467,7 @@ fn screens_and_projectors_go_through_the_same_loop() {
         (rig("gantry", projector, ""), &["--sampler", "separable"], 1 + 2 * (2 + 16)),
     ] {
         let set = Capture::with(&rig);
-        succeed(&mut set.begin("s", options).args(["--max-photos", "9"]));
+        succeed(set.begin("s", options).args(["--max-photos", "9"]));
         assert!(succeed(&mut set.resume("s", &[])).contains(&format!("{steps} of {steps}")), "{options:?}");
         succeed(tool("pack").arg(set.path("s")).arg("--merged").arg(set.path("m")));
         let no_field = ["of", "patterns", "--merged"];
