@@ -101,12 +101,15 @@ pub fn run(
         limits,
     };
     let ended = run.steps(session, &mut *powered.rig, devices.1, sampler);
-    run.sheet.flush()?;
+    // On a full disk the first error is the one to tell.
+    let flushed = run.sheet.flush();
     run.log.line(&match &ended {
         Ok(end) => format!("ended ({end:?}) after {} photographs", run.taken),
         Err(trouble) => format!("ended after {} photographs: {trouble}", run.taken),
     });
-    Ok(Outcome { taken: run.taken, end: ended? })
+    let end = ended?;
+    flushed?;
+    Ok(Outcome { taken: run.taken, end })
 }
 
 struct Run<'a> {
@@ -243,12 +246,11 @@ impl Redo {
             let expected = format!("numbers from 1 to {last}, as on the contact sheet");
             return Err(Error::invalid("photographs to take again", format!("number {wrong}"), expected));
         }
-        let damaged = session.damaged();
-        let wanted = |p: &&Photograph| asked.contains(&p.number) || damaged.contains(&p.number);
-        Ok(Self(session.photographs().filter(wanted).map(|p| (p.step, p.number)).collect()))
+        let asked = session.photographs().filter(|p| asked.contains(&p.number));
+        Ok(Self(asked.chain(session.damaged()).map(|p| (p.step, p.number)).collect()))
     }
 
-    /// The photograph that a step's new one replaces. A damaged one that was taken again since is answered.
+    /// The photograph that a step's new one replaces.
     fn replaced(&self, step: &Step) -> Option<u64> {
         self.0.get(&step.index).copied()
     }

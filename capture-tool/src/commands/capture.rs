@@ -217,7 +217,10 @@ impl Arguments {
     fn told(&self, job: &Job) -> anyhow::Result<String> {
         let wanted = job.steps.iter().filter(|step| !job.limits.only_calibration || step.is_calibration());
         let told = Plan::new(&job.rig, wanted);
-        let findings = [told.room(&self.session), virtual_scene(&job.rig)?];
+        let mut findings = vec![told.room(&self.session), virtual_scene(&job.rig)?];
+        if !self.resume {
+            findings.extend(new_folder::check(&self.session).err().map(|error| Finding::missing(error.to_string())));
+        }
         Ok(told.text(&job.rig, &findings))
     }
 
@@ -269,7 +272,7 @@ impl Arguments {
             let session = Session::open(&self.session)?;
             let damaged = session.damaged();
             if !damaged.is_empty() {
-                let numbers: Vec<String> = damaged.iter().take(10).map(u64::to_string).collect();
+                let numbers: Vec<String> = damaged.iter().take(10).map(|p| p.number.to_string()).collect();
                 super::note(&format!(
                     "{} photographs are not as they were stored ({}); they are taken again",
                     damaged.len(),

@@ -123,7 +123,7 @@ fn black(records: &Records, curve: Curve, sample_type: SampleType) -> Result<Opt
     for photograph in records.of(Role::Dark) {
         for frame in &photograph.frames {
             let exposure = shot(photograph, frame)?.exposure;
-            blacks.add(&*records.codes(photograph, frame)?.0, exposure)?;
+            blacks.add(&records.codes(photograph, frame)?.0, exposure)?;
             any = true;
         }
     }

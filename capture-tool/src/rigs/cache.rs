@@ -1,8 +1,9 @@
 //! Traced scenes: kept under a name made of all that they depend on.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use relume_core::files::folder_of;
 use relume_core::{Error, Result};
 
 use super::RigFile;
@@ -10,10 +11,10 @@ use super::RigFile;
 /// Counts changes of the virtual scenes, so that older traces are not taken for new ones.
 const SCENES: u32 = 1;
 
-/// The file of a rig's scene, in a folder that is there.
+/// The file of a rig's scene.
 ///
 /// # Errors
-/// No home folder; a folder that cannot be made.
+/// No home folder.
 pub fn file(rig: &RigFile, geometry: &str, extension: &str) -> Result<PathBuf> {
     let simulation = &rig.simulation;
     let told = format!(
@@ -31,9 +32,16 @@ pub fn file(rig: &RigFile, geometry: &str, extension: &str) -> Result<PathBuf> {
 /// `RELUME_CACHE`, or the system's folder for what can be made again.
 fn folder() -> Result<PathBuf> {
     let folder = std::env::var_os("RELUME_CACHE").map(PathBuf::from);
-    let folder = folder.or_else(|| dirs::cache_dir().map(|folder| folder.join("relume"))).ok_or_else(|| {
+    folder.or_else(|| dirs::cache_dir().map(|folder| folder.join("relume"))).ok_or_else(|| {
         Error::invalid("the cache folder", "no home folder", "one, or its name in the variable RELUME_CACHE")
-    })?;
-    fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
-    Ok(folder)
+    })
+}
+
+/// Makes the folder that a file is to lie in.
+///
+/// # Errors
+/// The disk's.
+pub fn make_room(file: &Path) -> Result<()> {
+    let folder = folder_of(file);
+    fs::create_dir_all(folder).map_err(|source| Error::io("create", folder, source))
 }

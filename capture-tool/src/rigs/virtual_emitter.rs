@@ -168,6 +168,7 @@ fn traced(rig: &RigFile, progress: &mut Progress<'_>) -> Result<Rows> {
     if path.is_file() {
         return Rows::load(&path);
     }
+    cache::make_room(&path)?;
     let simulation = &rig.simulation;
     let (width, height) = (simulation.width, simulation.height);
     let quality = Quality { samples: simulation.samples, seed: simulation.seed, ..Quality::rig() };

@@ -224,6 +224,7 @@ fn traced(
     progress: &mut dyn FnMut(u64, u64) -> Result<()>,
 ) -> Result<Asset> {
     if !path.is_file() {
+        cache::make_room(path)?;
         trace(rig, lamps, path, progress)?;
     }
     Asset::open(path, Access::Mapped)

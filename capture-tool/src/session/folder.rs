@@ -1,6 +1,6 @@
 //! An open session folder.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
@@ -76,14 +76,13 @@ impl Session {
 
     /// The photograph that answers a step: the last one, if its files are whole.
     pub fn answer(&self, step: u64) -> Option<&Photograph> {
-        self.photographs().filter(|p| p.step == step && !self.damaged.contains(&p.number)).last()
+        self.photographs().filter(|p| p.step == step).last().filter(|p| !self.damaged.contains(&p.number))
     }
 
-    /// Numbers of photographs whose files are gone or changed, in order.
-    pub fn damaged(&self) -> Vec<u64> {
-        let mut numbers: Vec<u64> = self.damaged.iter().copied().collect();
-        numbers.sort_unstable();
-        numbers
+    /// Photographs whose files are gone or changed and that no later one has replaced, in order.
+    pub fn damaged(&self) -> Vec<&Photograph> {
+        let last: HashMap<u64, u64> = self.photographs().map(|p| (p.step, p.number)).collect();
+        self.photographs().filter(|p| self.damaged.contains(&p.number) && last[&p.step] == p.number).collect()
     }
 
     /// Begins the next photograph.

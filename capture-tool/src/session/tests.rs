@@ -132,12 +132,13 @@ fn damaged_photographs_are_not_answers() {
     fs::write(photo(2), "short").unwrap();
     fs::remove_dir_all(root.join("photos/000003")).unwrap();
     let mut session = Session::open(&root).unwrap();
-    assert_eq!(session.damaged(), [1, 2, 3]);
+    let numbers = |session: &Session| session.damaged().iter().map(|p| p.number).collect::<Vec<_>>();
+    assert_eq!(numbers(&session), [1, 2, 3]);
     assert!(session.answer(0).is_none() && session.answer(2).is_none() && session.answer(3).is_some());
     shoot(&mut session, 0);
     assert_eq!(session.answer(0).unwrap().number, 5);
     drop(session);
-    assert_eq!(Session::open(&root).unwrap().damaged(), [1, 2, 3], "answered, and still said");
+    assert_eq!(numbers(&Session::open(&root).unwrap()), [2, 3], "the first was replaced");
 }
 
 #[test]
