@@ -1,8 +1,8 @@
 //! Movement of object or camera, and drift of the lamps, from the references.
 
 use relume_core::Result;
-use relume_core::calibrate::drift::Drift;
-use relume_core::calibrate::movement::{Movement, movement};
+use relume_core::calibrate::drift::{Drift, Point};
+use relume_core::calibrate::movement::Movement;
 use relume_core::image::Image;
 
 use super::develop::Developer;
@@ -14,8 +14,6 @@ use crate::session::{Photograph, Role};
 #[derive(Debug, Default)]
 pub struct Checks {
     drift: Option<Drift>,
-    /// Numbers of the references, with what moved since the first.
-    movements: Vec<(u64, Movement)>,
 }
 
 impl Checks {
@@ -35,20 +33,16 @@ impl Checks {
             }
             Ok(picture)
         };
-        let reference = picture(first)?;
-        let mut drift = Drift::new(reference.clone(), first.number as f64)?;
-        let mut movements = Vec::new();
+        let mut drift = Drift::new(picture(first)?, first.number as f64)?;
         for photograph in references {
-            let later = picture(photograph)?;
-            drift.add(&later, photograph.number as f64)?;
-            movements.push((photograph.number, movement(&reference, &later)));
+            drift.add(&picture(photograph)?, photograph.number as f64)?;
         }
-        Ok(Self { drift: Some(drift), movements })
+        Ok(Self { drift: Some(drift) })
     }
 
     /// Is drift corrected?
     pub fn corrects(&self) -> bool {
-        !self.movements.is_empty()
+        self.drift.as_ref().is_some_and(|drift| drift.points().len() > 1)
     }
 
     /// The lamps' light at a photograph, in units of the first reference's.
@@ -58,23 +52,23 @@ impl Checks {
 
     /// For the report.
     pub fn words(&self) -> String {
-        let (Some(drift), false) = (&self.drift, self.movements.is_empty()) else { return String::new() };
-        let largest = self.movements.iter().filter_map(|(_, movement)| match movement {
-            Movement::Known(shift) => Some(shift.pixels[0].hypot(shift.pixels[1])),
-            Movement::Unknown(_) => None,
-        });
+        let Some(drift) = self.drift.as_ref().filter(|_| self.corrects()) else { return String::new() };
+        let shift = |point: &Point| match &point.movement {
+            Some(Movement::Known(shift)) => shift.pixels[0].hypot(shift.pixels[1]),
+            Some(Movement::Unknown(_)) | None => 0.0,
+        };
         format!(
             "movement   at most {:.2} pixels, by {} references\ndrift      at most {:+.1} %, corrected\n",
-            largest.fold(0.0, f64::max),
-            self.movements.len() + 1,
+            drift.points().iter().map(shift).fold(0.0, f64::max),
+            drift.points().len(),
             100.0 * drift.largest()
         )
     }
 
     /// What a person should know, a sentence each: the first movement, since later ones follow from it, and drift.
-    pub fn doubts(&self) -> impl Iterator<Item = String> {
-        let verdict = |(number, movement): &(u64, Movement)| movement.verdict(&format!("photograph {number}"));
-        let moved = self.movements.iter().find_map(verdict);
-        moved.into_iter().chain(self.drift.as_ref().and_then(Drift::verdict))
+    pub fn doubts(&self) -> Vec<String> {
+        let Some(drift) = &self.drift else { return Vec::new() };
+        let moved = drift.moved(|number| format!("photograph {number}"));
+        moved.into_iter().take(1).chain(drift.verdict()).collect()
     }
 }

@@ -150,7 +150,7 @@ fn drift_of_three_percent_is_told_and_corrected() {
     let (rig, records) = plain();
     let developer = Developer::new(&records, &rig.camera).unwrap();
     let checks = Checks::new(&records, &developer).unwrap();
-    let said: Vec<String> = checks.doubts().collect();
+    let said = checks.doubts();
     assert!(said.len() == 1 && said[0].contains("drifted by -3."), "{said:?}");
     let last = records.all().map(|p| p.number).max().unwrap();
     for gain in checks.gain(last) {
@@ -166,7 +166,7 @@ fn a_bump_of_two_pixels_is_told() {
     let (rig, records) = (rig(), capture(folder.path(), &shared().scene, &[Fault::Bump(25)]));
     let developer = Developer::new(&records, &rig.camera).unwrap();
     let checks = Checks::new(&records, &developer).unwrap();
-    let said: Vec<String> = checks.doubts().collect();
+    let said = checks.doubts();
     assert!(said.iter().any(|line| line.contains("moved by 2.0") || line.contains("moved by 1.9")), "{said:?}");
     assert!(checks.words().contains("pixels"), "{}", checks.words());
 }
