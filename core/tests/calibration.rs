@@ -51,7 +51,7 @@ fn still_life() -> Image {
         .map(|a| Vec3::new(0.5 * a.cos(), a.sin(), 0.8 * a.cos()).normalize())
         .collect();
     let map = EnvMap::from_fn(64, 32, |d| {
-        let lit = lamps.iter().position(|lamp| lamp.dot(&d) > 0.985);
+        let lit = lamps.iter().position(|lamp| lamp.dot(d) > 0.985);
         lit.map_or([0.05; 3], |k| [[60.0, 55.0, 45.0], [45.0, 50.0, 60.0]][k % 2])
     });
     let quality = Quality { samples: 16, bounces: 2, stride: 4, cone_density: 10.0, depth: 3, seed: 3 };
@@ -126,7 +126,7 @@ fn dark_level_response_and_lamps_are_recovered_to_a_hundredth() {
     sorted.sort_by(f32::total_cmp);
     let bright = f64::from(sorted[sorted.len() * 9 / 10]);
     let uneven = for_response(&settable(), 0.2 / bright, 9).unwrap();
-    let (recovered, black, merger) = calibrated(&scene, &uneven);
+    let (_, black, merger) = calibrated(&scene, &uneven);
 
     // Over eight seeds of noise: 0.50 to 0.92 % at most, 0.20 to 0.32 % rms, 0.35 to 0.93 % of white.
     let [worst, rms, of_white] = response_errors(&merger);
@@ -168,8 +168,8 @@ fn lamps_are_measured(merger: &Merger) {
         let seen = merged(merger, &light, &series.exposures, 50 + u64::from(k));
         let lamp = Lamp { direction, distance: None };
         let found = irradiance(&seen.image, &ball, [0.9; 3], &lamp, "ball").unwrap();
-        for c in 0..3 {
-            let error = found.rgb[c] / scale(merger, c) / f64::from(truth[c]) - 1.0;
+        for (c, put_in) in truth.into_iter().enumerate() {
+            let error = found.rgb[c] / scale(merger, c) / f64::from(put_in) - 1.0;
             worst = worst.max(error.abs());
         }
         assert!(found.doubts.is_empty(), "{found:?}");
