@@ -15,7 +15,7 @@ use crate::capture::run::{End, Limits, Outcome, run};
 use crate::capture::{Listed, Step, Times, scan};
 use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{VirtualCamera, Window};
-use crate::devices::{Camera, Finding};
+use crate::devices::{Camera, Finding, Trouble};
 use crate::new_folder;
 use crate::pack::records::Records;
 use crate::progress::{Progress, Unit};
@@ -245,7 +245,7 @@ impl Arguments {
         }
         let mut sampler = Listed::new(job.steps.clone());
         let ended = run(&mut session, rig, (&mut *emitter, &mut camera), &mut sampler, &job.limits);
-        self.report(&session, job, ended.map_err(anyhow::Error::new))
+        self.report(&session, job, ended)
     }
 
     fn devices(&self, job: &Job) -> anyhow::Result<(Box<dyn Rig>, VirtualCamera)> {
@@ -287,13 +287,13 @@ impl Arguments {
     }
 
     /// How it ended, and what to do next.
-    fn report(&self, session: &Session, job: &Job, ended: anyhow::Result<Outcome>) -> anyhow::Result<String> {
+    fn report(&self, session: &Session, job: &Job, ended: Result<Outcome, Trouble>) -> anyhow::Result<String> {
         let place = self.session.display();
         let answered = job.steps.iter().filter(|step| session.answer(step.index).is_some()).count();
         let state = format!("{place}: {answered} of {} photographs", job.steps.len());
         let resume = format!("go on with: relume capture --session {place} --resume");
         match ended {
-            Err(error) => Err(error.context(format!("capture stopped; {state} are safe; {resume}"))),
+            Err(trouble) => Err(anyhow::anyhow!("{trouble}; {state} are safe; {resume}")),
             Ok(Outcome { end: End::Asked, .. }) => {
                 super::note(&format!("{state}; {resume}"));
                 Err(Error::Cancelled.into())
