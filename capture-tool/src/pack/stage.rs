@@ -1,13 +1,12 @@
 //! `T` of a stage.
 
-use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
-use relume_core::acquire::Photographs;
+use relume_core::acquire::{Photographs, Reporting};
 use relume_core::calibrate::linearity::{Compared, Linearity};
 use relume_core::domain::Directions;
-use relume_core::field::{self, BLOCK_HEIGHT, Bands, Contents, Precision};
+use relume_core::field::{self, BLOCK_HEIGHT, Contents, Precision};
 use relume_core::files::folder_of;
 use relume_core::image::Image;
 use relume_core::{Error, Result};
@@ -200,19 +199,5 @@ impl Mean {
         let per = 1.0 / self.count.max(1) as f32;
         self.sum.data_mut().iter_mut().for_each(|v| *v *= per);
         self.sum
-    }
-}
-
-/// Photographs that tell how far writing has come.
-struct Reporting<'a> {
-    photographs: &'a mut Photographs,
-    progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
-    total: u64,
-}
-
-impl Bands for Reporting<'_> {
-    fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
-        (self.progress)((self.photographs.len() + by) as u64, self.total)?;
-        self.photographs.fill(by, columns, blocks)
     }
 }

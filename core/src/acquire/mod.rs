@@ -19,5 +19,5 @@ mod surface;
 pub use import_exr::{CheckedExr, ImportExr};
 pub use import_lp::{Checked, ImportLp, Imported};
 pub use measured::{FlatField, Measured};
-pub use photographs::Photographs;
+pub use photographs::{Photographs, Reporting};
 pub use surface::{Surface, surface};

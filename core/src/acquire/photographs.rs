@@ -136,10 +136,12 @@ impl Bands for Photographs {
 }
 
 /// Photographs that tell how far writing has come.
-pub(super) struct Reporting<'a> {
+pub struct Reporting<'a> {
+    /// All of them.
     pub photographs: &'a mut Photographs,
+    /// Told the steps done and all steps; an error of it ends the writing.
     pub progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
-    /// Photographs and rows of blocks.
+    /// Steps in all: photographs and rows of blocks.
     pub total: u64,
 }
 
