@@ -507,3 +507,32 @@ fn every_rig_that_ships_loads() {
         assert!(said.contains(&format!("{}  samples", samples(rig))), "{rig}: {said}");
     }
 }
+
+/// Cards and charts are photographed, told apart, and a card under far lamps, which is lit evenly, changes little.
+#[test]
+fn cards_and_charts_are_taken_in_their_turn() {
+    let rig = RIG.replace("[calibration]\n", "[calibration]\nflat_field = true\nchart = true\n");
+    let set = Capture::with(&rig);
+    succeed(&mut set.begin("s", &[]));
+    let journal = set.journal("s");
+    let roles: Vec<&str> = journal.iter().map(|p| p["role"].as_str().unwrap()).collect();
+    assert_eq!((roles[0], &roles[1..25], roles[25]), ("dark", &["flat-field"; 24][..], "chart"));
+    let pack = |session: &str, field: &str| {
+        succeed(tool("pack").arg(set.path(session)).arg("-o").arg(set.path(field)));
+    };
+    pack("s", "a.rfield");
+    fs::write(set.path("rig.toml"), RIG).unwrap();
+    succeed(&mut set.begin("plain", &[]));
+    pack("plain", "b.rfield");
+    for name in ["a", "b"] {
+        let mut relight = tool("relight");
+        relight.arg(set.path(&format!("{name}.rfield"))).args(["--lamp", "2", "-o"]);
+        succeed(relight.arg(set.path(&format!("{name}.exr"))));
+    }
+    let mut compare = tool("compare");
+    compare.arg(set.path("a.exr")).arg(set.path("b.exr")).arg("--json");
+    let figures: Value = serde_json::from_str(&succeed(&mut compare)).unwrap();
+    // Other noise, and that of the smoothed card.
+    let error = figures["relative_l2"].as_f64().unwrap();
+    assert!(error > 0.0 && error < 0.02, "{error}");
+}

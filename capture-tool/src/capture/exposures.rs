@@ -58,7 +58,7 @@ impl<'a> Exposures<'a> {
     fn choose(&mut self, of: Role, session: &mut Session, log: &mut Log) -> Result<Vec<f64>> {
         let camera = &self.rig.camera;
         let records = Records::read(session.root())?;
-        let shows_ball = |p: &Photograph| matches!(p.condition, Condition::WhiteBall(_));
+        let shows_ball = |p: &Photograph| matches!(p.condition, Condition::WhiteBall(_) | Condition::FlatField(_));
         let wanted = wanted(camera, of);
         let developer = Developer::for_previews(&records, camera)?;
         let mut extent: Option<Extent> = None;

@@ -131,6 +131,8 @@ fn words(role: Role) -> &'static str {
         Role::Response => "series for the camera's response",
         Role::Dark => "series for the camera's black level",
         Role::WhiteBall => "white ball under a lamp",
+        Role::FlatField => "white card under a lamp",
+        Role::Chart => "colour chart",
         Role::Preview => "previews",
         Role::Calibration => "calibration patterns",
         Role::Picture => "pictures on the screen",

@@ -48,17 +48,26 @@ fn calibration(rig: &RigFile, lamps: &Lamps, list: &mut List) {
     if !calibration.dark_times_s.is_empty() {
         list.add(Condition::Black { stop: 0 }, Role::Dark, Times::Fixed(calibration.dark_times_s.clone()));
     }
-    // The ball before the object: it is put in place once.
+    // White ball, white card and chart before the object: each is put in place once.
+    let white = || Times::Series { of: Role::WhiteBall, factor: 1.0 };
+    let front = (lamps.per_stop() / 2).min(lamps.count().saturating_sub(1));
+    let first_white = match (&calibration.white_ball, calibration.flat_field || calibration.chart) {
+        (Some(_), _) => Some(Condition::WhiteBall(front)),
+        (None, true) => Some(Condition::FlatField(front)),
+        (None, false) => None,
+    };
+    if let Some(condition) = first_white.filter(|_| rig.camera.times_s.is_none()) {
+        list.add(condition, Role::Preview, Times::Fixed(preview_times(rig)));
+    }
     if calibration.white_ball.is_some() {
-        let front = lamps.per_stop() / 2;
-        if rig.camera.times_s.is_none() {
-            let previewed = front.min(lamps.count().saturating_sub(1));
-            list.add(Condition::WhiteBall(previewed), Role::Preview, Times::Fixed(preview_times(rig)));
-        }
-        for lamp in 0..lamps.per_stop() {
-            let times = Times::Series { of: Role::WhiteBall, factor: 1.0 };
-            list.add(Condition::WhiteBall(lamp), Role::WhiteBall, times);
-        }
+        (0..lamps.per_stop()).for_each(|lamp| list.add(Condition::WhiteBall(lamp), Role::WhiteBall, white()));
+    }
+    if calibration.flat_field {
+        (0..lamps.count()).for_each(|lamp| list.add(Condition::FlatField(lamp), Role::FlatField, white()));
+    }
+    if calibration.chart {
+        let together = Times::Series { of: Role::WhiteBall, factor: 1.0 / lamps.per_stop() as f64 };
+        list.add(Condition::Chart, Role::Chart, together);
     }
     if !calibration.response_times_s.is_empty() {
         let times = Times::Fixed(calibration.response_times_s.clone());

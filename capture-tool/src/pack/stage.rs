@@ -5,6 +5,7 @@ use std::path::Path;
 use rayon::prelude::*;
 use relume_core::acquire::{Photographs, Reporting};
 use relume_core::calibrate::linearity::{Compared, Linearity};
+use relume_core::calibrate::near;
 use relume_core::domain::Directions;
 use relume_core::field::{self, BLOCK_HEIGHT, Contents, Precision};
 use relume_core::files::folder_of;
@@ -17,6 +18,9 @@ use super::lamps::Irradiances;
 use super::records::Records;
 use crate::rigs::{Condition, StageRig};
 use crate::session::{Photograph, Role};
+
+/// Least cosine between the card's normal and the lamp: below, a degree of tilt is 10 %.
+const LEAST_FACING: f64 = 0.17;
 
 /// Everything that goes into the field of a stage.
 pub struct StagePack<'a> {
@@ -79,6 +83,7 @@ impl StagePack<'_> {
                     let (mut picture, clipped) = picture?;
                     packed.clipped += clipped / lamps.len() as f64;
                     sum.add(&picture)?;
+                    self.even_out(*lamp, &mut picture)?;
                     let per = self.irradiances.rgb(*lamp).map(|e| 1.0 / e);
                     picture.data_mut().chunks_exact_mut(3).for_each(|p| (0..3).for_each(|c| p[c] *= per[c]));
                     photographs.push(picture)?;
@@ -131,6 +136,20 @@ impl StagePack<'_> {
             format!("photographs of {} of {count} lamps (the first one missing is lamp {missing})", list.len()),
             "all of them: go on with `relume capture --resume`, or leave those lamps out with --partial",
         ))
+    }
+
+    /// Takes out what a near lamp gives one pixel more than another, where a white card was photographed under it.
+    fn even_out(&self, lamp: usize, picture: &mut Image) -> Result<()> {
+        let Some(photograph) = self.records.find(Role::FlatField, &Condition::FlatField(lamp)) else { return Ok(()) };
+        // Lamps behind the card or grazing it tell nothing of it; they stay as they are.
+        if self.stage.lamps.directions()[lamp].z < LEAST_FACING {
+            return Ok(());
+        }
+        let card = self.developer.picture(self.records, photograph)?;
+        let middle = [0.5 * card.width() as f64, 0.5 * card.height() as f64];
+        let relative = near::flat_field(&card, None, middle, &format!("flat field, lamp {}", lamp + 1))?;
+        near::even_out(picture, &relative);
+        Ok(())
     }
 
     fn room(&self, lamps: &[(usize, &Photograph)], output: &Path) -> Result<((usize, usize), Photographs)> {

@@ -22,6 +22,10 @@ pub enum Condition {
     },
     /// A white ball in the object's place under one lamp.
     WhiteBall(usize),
+    /// A flat white card in the object's place, facing the camera, under one lamp: evens out near lamps.
+    FlatField(usize),
+    /// A colour chart in the object's place, facing the camera, under all lamps of the first stop.
+    Chart,
     /// Pattern number `number` of the set called `set` on a screen, or a projector's from `stop`.
     Pattern {
         /// Name of the set: `noise`, `squares`, `gray-code`...
@@ -44,12 +48,14 @@ impl Condition {
     /// Where the turntable or the arm has to be.
     pub fn stop(&self, lamps_per_stop: usize) -> usize {
         match self {
-            Condition::Lamp(lamp) | Condition::WhiteBall(lamp) => lamp / lamps_per_stop.max(1),
+            Condition::Lamp(lamp) | Condition::WhiteBall(lamp) | Condition::FlatField(lamp) => {
+                lamp / lamps_per_stop.max(1)
+            }
             Condition::AllLamps { stop }
             | Condition::Black { stop }
             | Condition::White { stop }
             | Condition::Pattern { stop, .. } => *stop,
-            Condition::Picture(_) => 0,
+            Condition::Picture(_) | Condition::Chart => 0,
         }
     }
 }
@@ -61,6 +67,8 @@ impl fmt::Display for Condition {
             Condition::AllLamps { stop } => write!(f, "all lamps, stop {}", stop + 1),
             Condition::Black { stop } => write!(f, "black, stop {}", stop + 1),
             Condition::WhiteBall(lamp) => write!(f, "white ball, lamp {}", lamp + 1),
+            Condition::FlatField(lamp) => write!(f, "flat field, lamp {}", lamp + 1),
+            Condition::Chart => write!(f, "colour chart"),
             Condition::Pattern { set, number, stop: 0 } => write!(f, "{set} {}", number + 1),
             Condition::Pattern { set, number, stop } => write!(f, "{set} {}, stop {}", number + 1, stop + 1),
             Condition::White { stop } => write!(f, "white, stop {}", stop + 1),

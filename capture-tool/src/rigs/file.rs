@@ -194,6 +194,13 @@ pub struct CalibrationRig {
     /// matte).
     #[serde(default)]
     pub patterns: Vec<String>,
+    /// Photograph a flat white card in the object's place under every lamp: evens out near lamps, which light some pixels more
+    /// than others.
+    #[serde(default)]
+    pub flat_field: bool,
+    /// Photograph a colour chart in the object's place under all lamps of the first stop.
+    #[serde(default)]
+    pub chart: bool,
     /// Photograph a white ball under every lamp of the first stop: the lamps' irradiances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub white_ball: Option<WhiteBall>,

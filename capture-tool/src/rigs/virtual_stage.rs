@@ -8,12 +8,13 @@ use std::sync::{Arc, PoisonError};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg32;
+use relume_core::calibrate::chart;
 use relume_core::domain::Directions;
 use relume_core::field::{self, Access, Asset, Contents, Precision};
 use relume_core::image::{Image, Window as Rectangle};
 use relume_core::math::Vec3;
 use relume_core::relight::{Weights, apply};
-use relume_core::simulate::{Camera, FarLamp, Quality, Scene, Stage, WhiteBall, classes};
+use relume_core::simulate::{Camera, Card, FarLamp, Quality, Scene, Stage, WhiteBall, classes};
 use relume_core::{Error, Result};
 
 use super::cache;
@@ -25,6 +26,11 @@ use crate::devices::{Finding, Trouble};
 
 /// Radius of the white ball in scene units: most of the picture's height.
 const BALL_RADIUS: f32 = 1.0;
+/// Half the sides of the white card, which fills the picture, and of the chart, scene units.
+const CARD_HALF: [f32; 2] = [4.0; 2];
+const CHART_HALF: [f32; 2] = [1.2, 0.8];
+/// Reflectance of the white card.
+const CARD_ALBEDO: f32 = 0.9;
 /// How far a rehearsed bump shifts the picture, pixels.
 pub const BUMP_PX: f32 = 2.0;
 
@@ -116,14 +122,40 @@ impl VirtualStage {
                 let setting = self.rig.calibration.white_ball.as_ref();
                 let setting = setting.ok_or_else(|| Error::invalid("rig", "no white ball", "one"))?;
                 let ball = WhiteBall { radius: BALL_RADIUS, albedo: [setting.albedo as f32; 3] };
-                let camera = Camera::demo(self.rig.simulation.width, self.rig.simulation.height);
-                Ok(ball.photograph(&camera, &FarLamp { direction: self.directions[*lamp], irradiance: bulb(*lamp) }))
+                Ok(ball.photograph(
+                    &self.camera(),
+                    &FarLamp { direction: self.directions[*lamp], irradiance: bulb(*lamp) },
+                ))
+            }
+            Condition::FlatField(lamp) => {
+                let lamp = FarLamp { direction: self.directions[*lamp], irradiance: bulb(*lamp) };
+                Ok(Card::plain(CARD_HALF, [CARD_ALBEDO; 3]).photograph(&self.camera(), &lamp))
+            }
+            Condition::Chart => {
+                let chart = Card { half: CHART_HALF, grid: (6, 4), reflectances: chart::reflectances().to_vec() };
+                Ok(chart.photograph(&self.camera(), &self.together()))
             }
             Condition::Black { .. } => Ok(Image::new(self.ambient.width(), self.ambient.height(), 3)),
-            other => {
-                Err(Error::invalid("virtual stage", other.to_string(), "a lamp, all lamps, black or a white ball"))
-            }
+            other => Err(Error::invalid(
+                "virtual stage",
+                other.to_string(),
+                "a lamp, all lamps, black, a white ball, a card or a chart",
+            )),
         }
+    }
+
+    fn camera(&self) -> Camera {
+        Camera::demo(self.rig.simulation.width, self.rig.simulation.height)
+    }
+
+    /// All lamps of the first stop as one lamp before a card that faces the camera: there light adds up by its cosine.
+    fn together(&self) -> FarLamp {
+        let mut irradiance = [0.0; 3];
+        for (direction, e) in self.directions.iter().zip(&self.irradiances) {
+            let facing = direction.z.max(0.0) as f32;
+            (0..3).for_each(|c| irradiance[c] += facing * e[c]);
+        }
+        FarLamp { direction: Vec3::z(), irradiance }
     }
 
     fn drift(&self, step: &Step) -> f32 {
@@ -153,8 +185,9 @@ impl Rig for VirtualStage {
         }
         let mut light = self.light(&step.condition)?;
         let drift = self.drift(step);
-        let ball = matches!(step.condition, Condition::WhiteBall(_));
-        let ambient = (!ball).then_some(&self.ambient);
+        // Targets stand before black cloth.
+        let target = matches!(step.condition, Condition::WhiteBall(_) | Condition::FlatField(_) | Condition::Chart);
+        let ambient = (!target).then_some(&self.ambient);
         light.data_mut().iter_mut().for_each(|v| *v *= drift);
         if let Some(ambient) = ambient {
             light.data_mut().iter_mut().zip(ambient.data()).for_each(|(v, s)| *v += s);

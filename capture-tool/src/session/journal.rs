@@ -73,6 +73,10 @@ pub enum Role {
     Dark,
     /// A white ball, for the lamps' irradiances.
     WhiteBall,
+    /// A white card, for what near lamps give each pixel.
+    FlatField,
+    /// A colour chart.
+    Chart,
     /// Looked at to choose exposures.
     Preview,
     /// A calibration pattern: gray levels, stripes, Gray code.
@@ -84,7 +88,10 @@ pub enum Role {
 impl Role {
     /// Taken once a session, apart from the object's own samples.
     pub fn is_calibration(self) -> bool {
-        matches!(self, Role::Response | Role::Dark | Role::WhiteBall | Role::Calibration)
+        matches!(
+            self,
+            Role::Response | Role::Dark | Role::WhiteBall | Role::FlatField | Role::Chart | Role::Calibration
+        )
     }
 }
 
