@@ -128,7 +128,7 @@ mod tests {
         let text = format!(
             "version = 1\nname = \"t\"\nkind = \"stage\"\n[camera]\nlimits_s = [0.001, 16]\n{rest}\n[stage]\n{stage}\n\
              [stage.lamps]\nlayout = \"arc\"\nlatitudes = 3\nlongitudes = 4\n\
-             [virtual]\nwidth = 8\nheight = 6\nirradiance = 1\n\
+             [virtual]\nwidth = 8\nheight = 8\nirradiance = 1\n\
              [virtual.sensor]\nfull_well_e = 1e4\nread_e = 5\nbits = 12\ndark = 0\nresponse = \"linear\"\n"
         );
         RigFile::parse(&text, std::path::Path::new("rig.toml")).unwrap()

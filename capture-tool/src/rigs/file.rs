@@ -1,16 +1,8 @@
 //! Rig files: what stands on set, in TOML. Every key is explained in `presets/rigs/virtual-stage.toml`.
 
-use std::path::Path;
-
-use relume_core::files::folder_of;
-use relume_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 use super::lamps::Lamps;
-use crate::session::one_line;
-
-/// Version of rig files.
-const VERSION: u32 = 1;
 
 /// The three rigs (design: stage 2.3, monitor 6.3, gantry 7.3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,7 +20,7 @@ pub enum Kind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RigFile {
-    /// [`VERSION`].
+    /// Of the format; 1.
     pub version: u32,
     /// For people.
     pub name: String,
@@ -315,156 +307,4 @@ fn second() -> f64 {
 
 fn thirty() -> f64 {
     30.0
-}
-
-impl RigFile {
-    /// Reads and checks a rig file.
-    ///
-    /// # Errors
-    /// Each names the file and the key: unknown keys, numbers that are none, a table that the kind of rig lacks.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|source| Error::io("read", path, source))?;
-        Self::parse(&text, path)
-    }
-
-    /// Parses the text of a rig file; `path` names it in messages, and its folder is where the files it names lie.
-    ///
-    /// # Errors
-    /// As [`RigFile::read`].
-    pub fn parse(text: &str, path: &Path) -> Result<Self> {
-        let place = path.display().to_string();
-        let mut rig: Self = toml::from_str(text).map_err(|error| {
-            let line = error.span().map_or(1, |span| text[..span.start.min(text.len())].matches('\n').count() + 1);
-            let expected = "a rig file; `presets/rigs/` explains every key";
-            Error::invalid(format!("{place}, line {line}"), one_line(&error), expected)
-        })?;
-        if rig.version != VERSION {
-            let found = format!("version = {}", rig.version);
-            return Err(Error::invalid(place, found, format!("version = {VERSION}; a newer tool reads newer files")));
-        }
-        rig.check(&place)?;
-        let stage = rig.stage.as_mut().map(|stage| (&mut stage.lamps, "[stage.lamps]"));
-        let gantry = rig.gantry.as_mut().map(|gantry| (&mut gantry.positions, "[gantry.positions]"));
-        if let Some((lamps, table)) = stage.or(gantry) {
-            *lamps = lamps.clone().resolved(folder_of(path))?;
-            lamps.check(&format!("{place}, {table}"))?;
-        }
-        Ok(rig)
-    }
-
-    fn check(&self, place: &str) -> Result<()> {
-        let refuse = |key: &str, found: String, expected: &str| {
-            Err(Error::invalid(format!("{place}, {key}"), found, expected.to_owned()))
-        };
-        let tables = [
-            (Kind::Stage, "stage", self.stage.is_some()),
-            (Kind::Monitor, "monitor", self.monitor.is_some()),
-            (Kind::Gantry, "gantry", self.gantry.is_some()),
-        ];
-        for (kind, name, there) in tables {
-            if there != (kind == self.kind) {
-                let (found, expected) = if there {
-                    (format!("a [{name}] table in a rig of another kind"), "the table of its kind alone")
-                } else {
-                    (format!("no [{name}] table"), "the table of its kind")
-                };
-                return refuse("kind", found, expected);
-            }
-        }
-        self.check_emitter(place)?;
-        let camera = &self.camera;
-        let [fastest, slowest] = camera.limits_s;
-        if !(fastest > 0.0 && fastest < slowest && slowest.is_finite()) {
-            return refuse("limits_s", format!("{:?}", camera.limits_s), "the shortest and the longest time, seconds");
-        }
-        let lists = [
-            ("times_s", camera.times_s.as_ref()),
-            ("response_times_s", Some(&self.calibration.response_times_s)),
-            ("dark_times_s", Some(&self.calibration.dark_times_s)),
-        ];
-        for (key, times) in lists {
-            let times = times.map_or(&[][..], Vec::as_slice);
-            if let Some(bad) = times.iter().find(|t| !(fastest..=slowest).contains(*t)) {
-                return refuse(key, format!("{bad} s"), "times within limits_s");
-            }
-            if !times.is_sorted_by(|a, b| a < b) {
-                return refuse(key, "times out of order".to_owned(), "short ones first, none twice");
-            }
-        }
-        if camera.times_s.as_ref().is_some_and(Vec::is_empty) {
-            return refuse("times_s", "no time".to_owned(), "at least one, or no such key to choose them by preview");
-        }
-        let positive = [
-            ("step_stops", camera.step_stops, 0.1..=6.0),
-            ("iso", camera.iso, 1.0..=1e7),
-            ("f_number", camera.f_number, 0.1..=1000.0),
-            ("overhead_s", camera.overhead_s, 0.0..=600.0),
-            ("megabytes", camera.megabytes, 0.0..=1e4),
-            ("patience_s", camera.patience_s, 0.0..=3600.0),
-            ("irradiance", self.simulation.irradiance, 1e-9..=1e12),
-            ("spread", self.simulation.spread, 0.0..=0.5),
-            ("drift", self.simulation.drift, -0.9..=9.0),
-            ("ambient", self.simulation.ambient, 0.0..=1e3),
-            ("full_well_e", self.simulation.sensor.full_well_e, 10.0..=1e9),
-            ("read_e", self.simulation.sensor.read_e, 0.0..=1e6),
-            ("dark", self.simulation.sensor.dark, 0.0..=0.5),
-        ];
-        for (key, value, range) in positive {
-            if !range.contains(&value) {
-                return refuse(key, value.to_string(), &format!("a number from {} to {}", range.start(), range.end()));
-            }
-        }
-        let counts = [
-            ("width", self.simulation.width, 1..=65535),
-            ("height", self.simulation.height, 1..=65535),
-            ("samples", self.simulation.samples, 1..=65536),
-            ("bits", self.simulation.sensor.bits as usize, 2..=16),
-        ];
-        for (key, value, range) in counts {
-            if !range.contains(&value) {
-                return refuse(
-                    key,
-                    value.to_string(),
-                    &format!("a whole number from {} to {}", range.start(), range.end()),
-                );
-            }
-        }
-        Ok(())
-    }
-
-    /// Screens and projectors.
-    fn check_emitter(&self, place: &str) -> Result<()> {
-        let refuse = |key: &str, found: String, expected: String| {
-            Err(Error::invalid(format!("{place}, {key}"), found, expected))
-        };
-        let known = ["ramp", "gray-code", "stripes"];
-        if let Some(wrong) = self.calibration.patterns.iter().find(|name| !known.contains(&name.as_str())) {
-            return refuse("patterns", format!("`{wrong}`"), known.join(", "));
-        }
-        let mut counts = Vec::new();
-        if let Some(monitor) = &self.monitor {
-            counts.extend([
-                ("columns", monitor.columns, 2..=4096),
-                ("rows", monitor.rows, 2..=4096),
-                ("noise", monitor.noise, 1..=100_000),
-                ("squares", monitor.squares, 1..=256),
-            ]);
-            if monitor.wavelet.parse::<relume_core::wavelet::Wavelet>().is_err() {
-                return refuse("wavelet", format!("`{}`", monitor.wavelet), "haar, 5/3 or 9/7".to_owned());
-            }
-        }
-        if let Some(gantry) = &self.gantry {
-            counts.extend([("squares", gantry.squares, 1..=256), ("influence", gantry.influence, 1..=256)]);
-            let numbers = [("distance", gantry.distance, 0.1..=1e4), ("view_deg", gantry.view_deg, 0.1..=170.0)];
-            if let Some((key, value, range)) = numbers.into_iter().find(|(_, value, range)| !range.contains(value)) {
-                return refuse(key, value.to_string(), format!("a number from {} to {}", range.start(), range.end()));
-            }
-        }
-        match counts.into_iter().find(|(_, value, range)| !range.contains(value)) {
-            None => Ok(()),
-            Some((key, value, range)) => {
-                refuse(key, value.to_string(), format!("a whole number from {} to {}", range.start(), range.end()))
-            }
-        }
-    }
 }

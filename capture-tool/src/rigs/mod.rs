@@ -3,7 +3,7 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`Condition`] | what can be asked for |
-//! | [`RigFile`] | a rig as a file says it: `presets/rigs/*.toml` |
+//! | [`RigFile`] | a rig as a file says it: `presets/rigs/*.toml`; `check` reads and refuses |
 //! | [`Lamps`] | where the lamps of a stage stand, and at which stop of the turntable each is lit |
 //! | [`Rig`] | the trait that devices, real or virtual, are driven through |
 //! | [`virtual_stage`] | a stage whose light is computed |
@@ -11,6 +11,7 @@
 //! | `cache` | where computed scenes are kept |
 
 mod cache;
+mod check;
 mod condition;
 mod file;
 mod lamps;
