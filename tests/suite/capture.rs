@@ -430,6 +430,15 @@ fn packing_says_what_is_missing_or_damaged() {
     succeed(&mut set.resume("s", &[]));
     let said = run(&mut pack(&[]));
     assert!(text(&said.stderr).contains("were not measured"), "{}", text(&said.stderr));
+    // With a matte; of another size it is refused.
+    for (size, good) in [((40, 30), true), ((30, 40), false)] {
+        let half = relume_core::image::Image::from_fn(size.0, size.1, |x, _| [if x < 20 { 1.0 } else { 0.0 }; 3]);
+        let matte = set.path("matte.png");
+        relume_core::image::write(&matte, &half, Default::default()).unwrap();
+        let output = run(pack(&["--alpha"]).arg(&matte));
+        assert_eq!(output.status.success(), good, "{}", text(&output.stderr));
+    }
+    assert!(manifest(&set.path("a.rfield"))["layers"]["alpha"].is_string());
     let merged = set.path("merged");
     succeed(tool("pack").arg(set.path("s")).arg("--merged").arg(&merged));
     // All but the series of dark photographs.

@@ -39,6 +39,7 @@ Examples:
   relume capture presets/rigs/virtual-monitor.toml --session glass --sampler noise --only calibration
   relume capture --session glass --resume --reference sunset.png
 
+The scene of a virtual rig is computed once and kept in the cache folder (the variable RELUME_CACHE, or the system's).
 Ctrl-C finishes the photograph in flight, switches the lamps off and says how to go on; a second one gives up the photograph in
 flight. Whatever happens, the session keeps every finished photograph. Next: relume pack vase -o vase.rfield";
 

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use relume_core::acquire::{FlatField, ImportLp, Measured};
+use relume_core::acquire::{FlatField, ImportLp, Measured, coverage};
 use relume_core::calibrate::linearity::Compared;
 use relume_core::domain::lp;
 use relume_core::field::{Access, Asset, Precision};
@@ -31,6 +31,7 @@ use crate::session::{CaptureDescription, Description, ImportDescription, Role, S
 const EXAMPLES: &str = "\
 Examples:
   relume pack vase -o vase.rfield
+  relume pack vase -o vase.rfield --alpha vase-matte.png
   relume pack vase -o vase.rfield --partial
   relume pack vase --merged vase-light
 
@@ -46,6 +47,9 @@ pub struct Arguments {
     session: PathBuf,
     #[command(flatten)]
     target: Target,
+    /// A picture of the object's coverage: white object, black surroundings, taken as stored.
+    #[arg(long, value_name = "IMG")]
+    alpha: Option<PathBuf>,
     /// Leave out lamps that have no photograph.
     #[arg(long)]
     partial: bool,
@@ -124,6 +128,7 @@ impl Arguments {
             developer: &developer,
             irradiances: &irradiances,
             checks: &checks,
+            alpha: self.alpha.as_deref().map(coverage).transpose()?,
             partial: self.partial,
             precision: self.precision.precision(),
         };
@@ -214,7 +219,7 @@ impl Arguments {
             },
             colour_space: import.colour_space.parse::<ColourSpace>()?,
             black: file("black"),
-            alpha: file("alpha"),
+            alpha: self.alpha.clone().or_else(|| file("alpha")),
             irradiance: import.settings.get("irradiance").and_then(toml::Value::as_float).unwrap_or_default() as f32,
             measured: Measured {
                 lamps: file("lamps"),

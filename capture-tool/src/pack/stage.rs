@@ -34,6 +34,8 @@ pub struct StagePack<'a> {
     pub irradiances: &'a Irradiances,
     /// Drift.
     pub checks: &'a Checks,
+    /// Coverage of the object, of the photographs' size.
+    pub alpha: Option<Vec<f32>>,
     /// Leave out lamps that have no photograph.
     pub partial: bool,
     /// How `T` is stored.
@@ -107,7 +109,7 @@ impl StagePack<'_> {
             precision: self.precision,
             largest: photographs.largest(),
             ambient: Some(ambient),
-            alpha: None,
+            alpha: self.alpha.clone(),
             provenance,
         };
         field::write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;

@@ -206,8 +206,11 @@ impl ImportLp {
     }
 }
 
-/// A coverage from a picture: numbers as stored, mean over the channels, clamped to 0..1.
-fn coverage(path: &Path) -> Result<Vec<f32>> {
+/// The object's coverage from a picture: numbers as stored, mean over the channels, clamped to 0..1; row by row from the top.
+///
+/// # Errors
+/// A picture that cannot be read.
+pub fn coverage(path: &Path) -> Result<Vec<f32>> {
     let picture = read(path, Encoding::Linear)?;
     let mean = |pixel: &[f32]| (pixel[..3].iter().sum::<f32>() / 3.0).clamp(0.0, 1.0);
     Ok(picture.data().chunks_exact(picture.channels()).map(mean).collect())

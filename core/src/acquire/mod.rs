@@ -17,7 +17,7 @@ mod stereo;
 mod surface;
 
 pub use import_exr::{CheckedExr, ImportExr};
-pub use import_lp::{Checked, ImportLp, Imported};
+pub use import_lp::{Checked, ImportLp, Imported, coverage};
 pub use measured::{FlatField, Measured};
 pub use photographs::{Photographs, Reporting};
 pub use surface::{Surface, surface};
