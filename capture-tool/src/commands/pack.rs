@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use relume_core::acquire::{FlatField, ImportLp, Measured, coverage};
+use relume_core::acquire::{FlatField, ImportLp, Measured};
 use relume_core::calibrate::linearity::Compared;
 use relume_core::domain::lp;
 use relume_core::field::{Access, Asset, Precision};
@@ -128,7 +128,7 @@ impl Arguments {
             developer: &developer,
             irradiances: &irradiances,
             checks: &checks,
-            alpha: self.alpha.as_deref().map(coverage).transpose()?,
+            alpha: self.alpha.as_deref(),
             partial: self.partial,
             precision: self.precision.precision(),
         };

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use rayon::prelude::*;
-use relume_core::acquire::{Photographs, Reporting};
+use relume_core::acquire::{Photographs, Reporting, coverage};
 use relume_core::calibrate::linearity::{Compared, Linearity};
 use relume_core::calibrate::near;
 use relume_core::domain::Directions;
 use relume_core::field::{self, BLOCK_HEIGHT, Contents, Precision};
 use relume_core::files::folder_of;
-use relume_core::image::Image;
+use relume_core::image::{Image, probe_size};
 use relume_core::{Error, Result};
 
 use super::checks::Checks;
@@ -34,8 +34,8 @@ pub struct StagePack<'a> {
     pub irradiances: &'a Irradiances,
     /// Drift.
     pub checks: &'a Checks,
-    /// Coverage of the object, of the photographs' size.
-    pub alpha: Option<Vec<f32>>,
+    /// A picture of the object's coverage, of the photographs' size.
+    pub alpha: Option<&'a Path>,
     /// Leave out lamps that have no photograph.
     pub partial: bool,
     /// How `T` is stored.
@@ -68,6 +68,7 @@ impl StagePack<'_> {
     ) -> Result<Packed> {
         let lamps = self.lamps()?;
         let (size, mut photographs) = self.room(&lamps, output)?;
+        let alpha = self.alpha.map(|path| matte(path, size)).transpose()?;
         let total = (lamps.len() + size.1.div_ceil(BLOCK_HEIGHT)) as u64;
         let mut packed =
             Packed { lamps: lamps.len(), of: self.stage.lamps.count(), linearity: Vec::new(), clipped: 0.0 };
@@ -109,7 +110,7 @@ impl StagePack<'_> {
             precision: self.precision,
             largest: photographs.largest(),
             ambient: Some(ambient),
-            alpha: self.alpha.clone(),
+            alpha,
             provenance,
         };
         field::write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;
@@ -194,6 +195,20 @@ impl StagePack<'_> {
         let (together, _) = self.lit(photograph, black)?;
         sum.compare(&together).map(Some)
     }
+}
+
+/// The coverage of a picture of this size.
+fn matte(path: &Path, (width, height): (usize, usize)) -> Result<Vec<f32>> {
+    let found = probe_size(path)?;
+    if found != (width, height) {
+        let found = format!("{} x {} pixels", found.0, found.1);
+        return Err(Error::invalid(
+            path.display().to_string(),
+            found,
+            format!("{width} x {height}, as the photographs have"),
+        ));
+    }
+    coverage(path)
 }
 
 fn clipped_share(report: &relume_core::hdr::Report) -> f64 {
