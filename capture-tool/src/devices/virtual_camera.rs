@@ -18,7 +18,7 @@ use crate::session::Exposure;
 const THUMBNAIL: usize = 160;
 /// A slow camera delivers a file in so many pieces, with a pause after each.
 const SLOW_PIECES: usize = 10;
-const SLOW_PAUSE: Duration = Duration::from_millis(1);
+const SLOW_PAUSE: Duration = Duration::from_millis(2);
 /// Answers "busy" in a row, when that is rehearsed.
 const BUSY_CALLS: u64 = 3;
 
