@@ -5,7 +5,7 @@
 //! exposure series -> response -+-> Developer: frames -> light, per photograph
 //! white ball -> E_j                  |
 //! references -> drift g, movement    v
-//!                          T_j = (photo_j - S_stop) / (g E_j) -> container;   sum_j (photo_j - S) against all lit
+//! white card -> F_j        T_j = (photo_j - S_stop) / (g E_j F_j) -> container;   sum_j (photo_j - S) against all lit
 //! ```
 //!
 //! | part | what it holds |

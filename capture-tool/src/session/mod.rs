@@ -6,6 +6,7 @@
 //! photos/NNNNNN/    photograph N, counted from 1: one file an exposure, as the camera gave them
 //! calibration/      imports: the .lp file, black photograph, tables; captures: what `pack` found, for people to read
 //! patterns/         imports of pairs: the pictures that were shown, and what is known of them
+//! lights.lp         imports of one lamp a photograph: the photographs with their directions
 //! references/       pictures shown on a screen to be photographed
 //! contact-sheets/   small pictures with their numbers, a page a hundred photographs
 //! capture.log       a line a photograph, for people
