@@ -488,7 +488,15 @@ fn screens_and_projectors_go_through_the_same_loop() {
             relume_core::image::write(&set.path("p.png"), &picture, Default::default()).unwrap();
             let shown = set.path("p.png").display().to_string();
             succeed(&mut set.resume("s", &["--reference", &shown]));
-            assert_eq!(set.journal("s").last().unwrap()["condition"]["picture"], "p.png");
+            // Another picture of the same name does not take the place of the first.
+            let first = fs::read(set.path("p.png")).unwrap();
+            let other = relume_core::image::Image::from_fn(8, 8, |_, y| [0.1, y as f32 / 8.0, 0.3]);
+            relume_core::image::write(&set.path("p.png"), &other, Default::default()).unwrap();
+            succeed(&mut set.resume("s", &["--reference", &shown]));
+            let journal = set.journal("s");
+            let names = journal[journal.len() - 2..].iter().map(|p| p["condition"]["picture"].as_str().unwrap());
+            assert_eq!(names.collect::<Vec<_>>(), ["0001-p.png", "0002-p.png"]);
+            assert_eq!(fs::read(set.path("s/references/0001-p.png")).unwrap(), first);
         } else {
             refuse(&mut set.resume("s", &["--sampler", "noise"]), &["begun with --sampler"]);
         }

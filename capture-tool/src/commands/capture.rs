@@ -156,15 +156,20 @@ impl Arguments {
         let Some(path) = &self.reference else { return Ok(None) };
         anyhow::ensure!(rig.monitor.is_some(), "--reference {}: only a screen shows pictures", path.display());
         relume_core::image::probe_size(path)?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Some((path.clone(), name)))
+        // Numbered, so that a second picture of one name does not take the place of the first.
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        Ok(Some((path.clone(), format!("{:04}-{name}", self.pictures()? + 1))))
+    }
+
+    /// Pictures that were shown and photographed so far.
+    fn pictures(&self) -> anyhow::Result<u64> {
+        Ok(Records::read(&self.session)?.of(Role::Picture).count() as u64)
     }
 
     /// Pictures come after all steps of the plan, numbered by how many there are: the same one may be shown again.
     fn picture_step(&self, name: &str) -> anyhow::Result<Step> {
-        let before = Records::read(&self.session)?.of(Role::Picture).count() as u64;
         Ok(Step {
-            index: PICTURES + before,
+            index: PICTURES + self.pictures()?,
             condition: Condition::Picture(name.to_owned()),
             role: Role::Picture,
             times: Times::Series { of: Role::Sample, factor: 1.0 },

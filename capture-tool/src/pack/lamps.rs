@@ -6,13 +6,12 @@ use relume_core::calibrate::ball::find_ball;
 use relume_core::calibrate::reflect::{Ball, Lens};
 use relume_core::calibrate::white_ball::{Lamp, irradiance};
 use relume_core::illumination::probe::Circle;
-use relume_core::image::Image;
 use relume_core::{Error, Result};
 
 use super::develop::Developer;
 use super::records::{Records, relative};
 use crate::rigs::{Condition, RigFile, StageRig};
-use crate::session::Role;
+use crate::session::{Photograph, Role};
 
 /// `E_j` in the camera's unit, and the unit of the field.
 #[derive(Debug, Clone)]
@@ -50,23 +49,25 @@ impl Irradiances {
         let (Some(setting), false) = (&rig.calibration.white_ball, photographed.is_empty()) else {
             return Self::equal(records, stage);
         };
-        let pictures = photographed.iter().map(|p| developer.picture(records, p)).collect::<Result<Vec<_>>>()?;
-        let circle = match setting.circle_px {
-            Some([x, y, radius]) => Circle { x, y, radius },
-            None => find_ball(&mean(&pictures), "the white ball")?,
-        };
-        let (width, height) = pictures[0].size();
+        let (circle, (width, height)) = outline(&photographed, records, developer, setting.circle_px)?;
         let centre = [0.5 * width as f64, 0.5 * height as f64];
         let lens = setting.focal_px.map_or(Lens::Far, |focal_px| Lens::Pinhole { centre, focal_px });
         let ball = Ball::new(circle, lens);
         let directions = stage.lamps.directions();
         let mut found: Vec<Option<[f32; 3]>> = vec![None; stage.lamps.per_stop()];
         let mut doubts = Vec::new();
-        for (photograph, picture) in photographed.iter().zip(&pictures) {
+        for photograph in &photographed {
             let Condition::WhiteBall(lamp) = photograph.condition else { continue };
             let place = format!("white ball, lamp {}", lamp + 1);
-            let at = Lamp { direction: directions[lamp], distance: None };
-            match irradiance(picture, &ball, [setting.albedo; 3], &at, &place) {
+            let Some(direction) = directions.get(lamp) else {
+                return Err(Error::invalid(
+                    place,
+                    "no such lamp in the rig",
+                    format!("lamps 1 to {}", directions.len()),
+                ));
+            };
+            let at = Lamp { direction: *direction, distance: None };
+            match irradiance(&developer.picture(records, photograph)?, &ball, [setting.albedo; 3], &at, &place) {
                 Ok(measured) => {
                     found[stage.lamps.bulb(lamp)] = Some(measured.rgb.map(|e| e as f32));
                     doubts.extend(measured.doubts);
@@ -114,10 +115,22 @@ impl Irradiances {
     }
 }
 
-fn mean(pictures: &[Image]) -> Image {
-    let mut sum = Image::new(pictures[0].width(), pictures[0].height(), 3);
-    for picture in pictures {
-        sum.data_mut().iter_mut().zip(picture.data()).for_each(|(s, v)| *s += v / pictures.len() as f32);
+/// The ball's outline, as given or found in the mean of its photographs; and their size. One picture at a time is in memory.
+fn outline(
+    photographed: &[&Photograph],
+    records: &Records,
+    developer: &Developer,
+    given: Option<[f64; 3]>,
+) -> Result<(Circle, (usize, usize))> {
+    let mut mean = developer.picture(records, photographed[0])?;
+    if let Some([x, y, radius]) = given {
+        return Ok((Circle { x, y, radius }, mean.size()));
     }
-    sum
+    for photograph in &photographed[1..] {
+        let picture = developer.picture(records, photograph)?;
+        mean.data_mut().iter_mut().zip(picture.data()).for_each(|(m, v)| *m += v);
+    }
+    let per = 1.0 / photographed.len() as f32;
+    mean.data_mut().iter_mut().for_each(|m| *m *= per);
+    Ok((find_ball(&mean, "the white ball")?, mean.size()))
 }

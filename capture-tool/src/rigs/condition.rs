@@ -45,6 +45,16 @@ pub enum Condition {
 }
 
 impl Condition {
+    /// The largest number in it: what comes from a file is checked before it is counted with.
+    pub fn largest(&self) -> usize {
+        match self {
+            Condition::Lamp(lamp) | Condition::WhiteBall(lamp) | Condition::FlatField(lamp) => *lamp,
+            Condition::AllLamps { stop } | Condition::Black { stop } | Condition::White { stop } => *stop,
+            Condition::Pattern { number, stop, .. } => *(number.max(stop)),
+            Condition::Chart | Condition::Picture(_) => 0,
+        }
+    }
+
     /// Where the turntable or the arm has to be.
     pub fn stop(&self, lamps_per_stop: usize) -> usize {
         match self {

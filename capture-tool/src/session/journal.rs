@@ -14,6 +14,8 @@ use serde::{Deserialize, Serialize};
 use crate::rigs::Condition;
 
 const FILE: &str = "journal.jsonl";
+/// No rig has more lamps, patterns or stops.
+const MOST: usize = 1_000_000_000;
 
 /// A line of the journal.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -227,6 +229,10 @@ fn check_numbers(lines: &[Line], path: &Path) -> Result<()> {
         let place = || format!("{}, photograph {}", path.display(), photograph.number);
         if photograph.number != number {
             return Err(Error::invalid(place(), "a number out of order", format!("photograph {number}")));
+        }
+        if photograph.condition.largest() > MOST {
+            let found = format!("a condition numbered {}", photograph.condition.largest());
+            return Err(Error::invalid(place(), found, format!("at most {MOST}")));
         }
         let outside = |frame: &&Frame| {
             Path::new(&frame.file).components().any(|part| !matches!(part, std::path::Component::Normal(_)))

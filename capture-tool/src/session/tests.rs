@@ -185,6 +185,7 @@ fn journals_changed_from_outside_are_refused_with_the_line() {
         (&lines[1].replace("photos/000002/a.png", "../../etc/passwd"), "inside the session"),
         (&lines[1].replace("photos/000002/a.png", "/etc/passwd"), "inside the session"),
         (&lines[1].replace("\"lamp\":1", "\"laser\":1"), "line 2"),
+        (&lines[1].replace("\"lamp\":1", "\"lamp\":18446744073709551615"), "numbered 18446744073709551615"),
     ] {
         fs::write(&path, with(second)).unwrap();
         let message = Session::open(&root).unwrap_err().to_string();
