@@ -6,9 +6,11 @@
 //! | [`lp`] | their text files |
 //! | `grid`, `stage_grid` | lamps on rings |
 //! | `plane` | the texels of a screen |
+//! | `correspondence` | which place of a screen each pixel sees |
 //! | `emitter` | what light the codes of a screen or projector become |
 //! | [`patterns`] | what a screen or projector shows, set by set |
 
+mod correspondence;
 mod directions;
 mod emitter;
 mod grid;
@@ -17,6 +19,7 @@ pub mod patterns;
 mod plane;
 mod stage_grid;
 
+pub use correspondence::{Area, Correspondence, TERMS, monomials};
 pub use directions::{Axis, Coverage, Directions};
 pub use emitter::{Bits, Emitter, EmitterCurve};
 pub use grid::LatLongGrid;
