@@ -18,3 +18,4 @@ mod photographs;
 mod plugin;
 mod probe;
 mod relight_effect;
+mod screen;

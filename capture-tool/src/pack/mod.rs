@@ -14,12 +14,16 @@
 //! | [`develop`] | black level, response, brackets to light |
 //! | [`lamps`] | irradiances from the white ball |
 //! | [`checks`] | movement, drift, linearity |
+//! | [`shots`] | photographs of a screen's calibration patterns |
+//! | [`places`] | which place of a screen each pixel sees, and what covers it |
 //! | [`stage`] | `T` of a stage |
 
 pub mod checks;
 pub mod develop;
 pub mod lamps;
+pub mod places;
 pub mod records;
+pub mod shots;
 pub mod stage;
 #[cfg(test)]
 mod tests;

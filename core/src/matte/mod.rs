@@ -11,10 +11,12 @@
 //!
 //! | part | what it holds |
 //! |---|---|
+//! | [`alpha`] | how much of a pixel the object covers |
 //! | `place` | where the object stands in the plate |
 //! | `backdrop` | from a plate to the light of the screen's texels |
 //! | `composite` | the element in the plate, and over it |
 
+pub mod alpha;
 mod backdrop;
 mod composite;
 mod place;

@@ -14,6 +14,8 @@ use relume_core::image::Encoding;
 
 use super::{calibrate, note};
 
+pub(super) use pairs::{one_size, pictures};
+
 /// Kinds of import.
 #[derive(Debug, Subcommand)]
 pub enum Source {
