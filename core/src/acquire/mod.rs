@@ -9,6 +9,7 @@
 //! | `surface` | normals and albedo from the reflectance functions |
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
+pub mod implicit;
 mod import_exr;
 mod import_lp;
 mod measured;
