@@ -2,10 +2,12 @@
 //! made of.
 
 mod dictionary;
+mod field;
 mod kernels;
 mod solver;
 
 pub use dictionary::Dictionary;
+pub use field::{Solving, TILE_ROWS};
 pub use solver::{Scratch, Solver};
 
 /// When a pixel has terms enough.
