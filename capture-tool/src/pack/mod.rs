@@ -15,11 +15,13 @@
 //! | [`lamps`] | irradiances from the white ball |
 //! | [`checks`] | movement, drift, linearity |
 //! | [`stage`] | `T` of a stage |
+//! | [`screen`] | `T` of a screen |
 
 pub mod checks;
 pub mod develop;
 pub mod lamps;
 pub mod records;
+pub mod screen;
 pub mod stage;
 #[cfg(test)]
 mod tests;
