@@ -12,11 +12,13 @@
 //! |---|---|
 //! | [`records`] | which photograph counts for what; files checked against their hashes |
 //! | [`develop`] | black level, response, brackets to light |
+//! | [`covered`] | which pixels see the object, and not the screen itself |
 //! | [`lamps`] | irradiances from the white ball |
 //! | [`checks`] | movement, drift, linearity |
 //! | [`stage`] | `T` of a stage |
 
 pub mod checks;
+pub mod covered;
 pub mod develop;
 pub mod lamps;
 pub mod records;

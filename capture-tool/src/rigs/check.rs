@@ -49,6 +49,14 @@ impl RigFile {
         Ok(rig)
     }
 
+    /// The shortest and the longest exposure, seconds: what the camera can do, and no shorter than one picture of the screen,
+    /// of which a photograph would show a part (6.3).
+    pub fn exposure_limits(&self) -> [f64; 2] {
+        let refresh = self.monitor.as_ref().map_or(0.0, |monitor| 1.0 / monitor.refresh_hz);
+        let [fastest, slowest] = self.camera.limits_s;
+        [fastest.max(refresh), slowest]
+    }
+
     fn check(&self, place: &str) -> Result<()> {
         self.check_tables(place)?;
         self.check_times(place)?;
@@ -99,6 +107,9 @@ impl RigFile {
             (Kind::Gantry, "gantry", self.gantry.is_some()),
         ];
         for (kind, name, there) in tables {
+            if kind == Kind::Monitor && !there && !self.simulation.scene.is_mixed() {
+                return refuse(place, "scene", format!("{:?}", self.simulation.scene), "a rig with a screen");
+            }
             if there && kind != self.kind {
                 let found = format!("a [{name}] table in a rig of another kind");
                 return refuse(place, "kind", found, "the table of its kind alone");
@@ -138,6 +149,25 @@ impl RigFile {
         Ok(())
     }
 
+    /// A screen is drawn again and again: a photograph that is shorter than one refresh shows a part of it.
+    fn check_refresh(&self, place: &str, refresh_hz: f64) -> Result<()> {
+        let lists =
+            [("times_s", self.camera.times_s.as_ref()), ("response_times_s", Some(&self.calibration.response_times_s))];
+        let slowest = [("limits_s", Some(self.camera.limits_s[1]))];
+        let shortest = lists.map(|(key, times)| (key, times.and_then(|times| times.first()).copied()));
+        for (key, time) in shortest.into_iter().chain(slowest) {
+            if let Some(time) = time.filter(|time| *time < 1.0 / refresh_hz) {
+                let expected = format!(
+                    "{:.4} s or more: a shorter exposure shows a part of the screen's picture, at refresh_hz = {refresh_hz}; \
+                     take a smaller aperture",
+                    1.0 / refresh_hz
+                );
+                return refuse(place, key, format!("{time} s"), &expected);
+            }
+        }
+        Ok(())
+    }
+
     /// Screens and projectors.
     fn check_emitter(&self, place: &str) -> Result<()> {
         let known = ["ramp", "gray-code", "stripes"];
@@ -151,12 +181,22 @@ impl RigFile {
             in_range(
                 place,
                 &[
+                    ("functions", monitor.functions, 1..=1_000_000),
                     ("columns", monitor.columns, 2..=4096),
                     ("rows", monitor.rows, 2..=4096),
                     ("noise", monitor.noise, 1..=100_000),
                     ("squares", monitor.squares, 1..=256),
                 ],
             )?;
+            in_range(
+                place,
+                &[
+                    ("threshold", monitor.threshold, 0.0..=1.0),
+                    ("smoothness", monitor.smoothness, 0.0..=10.0),
+                    ("refresh_hz", monitor.refresh_hz, 1.0..=10_000.0),
+                ],
+            )?;
+            self.check_refresh(place, monitor.refresh_hz)?;
         }
         if let Some(gantry) = &self.gantry {
             in_range(place, &[("squares", gantry.squares, 1..=256), ("influence", gantry.influence, 1..=256)])?;
