@@ -34,7 +34,7 @@ fn main() -> Result<()> {
     };
     import.run(&asset, &mut |_, _| Ok(()))?;
 
-    let relighter = Relighter::new(Asset::open(&asset, Access::Mapped)?);
+    let relighter = Relighter::new(Asset::open(&asset, Access::Mapped)?)?;
     let chart = EnvMap::load(&root.join("presets/charts/six-poles.png"))?;
     let looks: Vec<Look> =
         [0.0, 90.0, 180.0, 270.0].map(|heading_deg| Look { heading_deg, exposure_ev: 1.0, ..Look::default() }).into();

@@ -122,7 +122,7 @@ fn stage(path: &Path) -> Result<()> {
     let contents = Contents {
         colour_space: ColourSpace::default(),
         irradiance: vec![std::f32::consts::PI; domain.len()],
-        domain,
+        domain: domain.into(),
         width: camera.width,
         height: camera.height,
         precision: Precision::Half,
@@ -154,12 +154,12 @@ fn painting(data: &Path, path: &Path) -> Result<()> {
 
 /// All representations of one field.
 fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Result<()> {
-    let dense = Relighter::new(Asset::open(source, Access::Mapped)?);
+    let dense = Relighter::new(Asset::open(source, Access::Mapped)?)?;
     let maps: Vec<EnvMap> =
         MAPS.iter().map(|map| EnvMap::load(&data.join(format!("hdri/{map}.hdr")))).collect::<Result<_>>()?;
     let (w, h) = (dense.asset().width(), dense.asset().height());
     let bytes = dense.asset().bytes(Kind::Dense);
-    println!("\n{name}: {} lamps, {w} x {h}, {:.1} MB", dense.asset().domain().len(), bytes as f64 / 1e6);
+    println!("\n{name}: {} lamps, {w} x {h}, {:.1} MB", dense.asset().directions()?.len(), bytes as f64 / 1e6);
     println!(
         "  {:16} {:>8} {:>8} {:>8}  {:>8} ({})  {:>9} {:>9} {:>7} {:>7}",
         "",
@@ -178,7 +178,7 @@ fn case(name: &str, source: &Path, data: &Path, candidates: &[Candidate]) -> Res
         let start = Instant::now();
         compress(dense.asset(), &path, &candidate.scheme, &[], &mut |_, _, _| Ok(()))?;
         let made = start.elapsed().as_secs_f64();
-        let compact = Relighter::new(Asset::open(&path, Access::Mapped)?);
+        let compact = Relighter::new(Asset::open(&path, Access::Mapped)?)?;
         let errors = relit(&dense, &compact, candidate, &maps, name)?;
         let [samples, it] = times(&dense, &compact, &maps[3])?;
         let held = compact.asset().bytes(candidate.kind);

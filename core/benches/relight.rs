@@ -218,7 +218,7 @@ fn make(case: &Case, path: &Path) -> Result<()> {
     };
     let contents = Contents {
         colour_space: Default::default(),
-        domain: Directions::new((0..case.elements).map(lamp).collect())?,
+        domain: Directions::new((0..case.elements).map(lamp).collect())?.into(),
         irradiance: vec![1.0; case.elements],
         width: case.width,
         height: case.height,

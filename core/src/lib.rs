@@ -21,6 +21,7 @@
 //! | [`field`] | the reflectance field and its container |
 //! | [`relight`] | weights x field -> picture |
 //! | [`calibrate`] | lamp directions and intensities, white balance |
+//! | [`matte`] | an object before a screen, put before another picture |
 //! | [`acquire`] | from photographs to a field |
 //! | [`simulate`] | a virtual stage |
 //! | [`evaluate`] | errors and figures |
@@ -48,6 +49,8 @@ pub mod field;
 pub mod relight;
 
 pub mod calibrate;
+
+pub mod matte;
 
 pub mod acquire;
 

@@ -61,7 +61,7 @@ impl Bands for Ramp {
 fn container(path: &Path) {
     let contents = Contents {
         colour_space: Default::default(),
-        domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y(), -Vec3::x()]).unwrap(),
+        domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y(), -Vec3::x()]).unwrap().into(),
         irradiance: vec![1.0; 4],
         width: 40,
         height: 30,
@@ -123,7 +123,7 @@ fn used(path: &Path, access: Access) -> Result<()> {
     let asset = Asset::open(path, access)?;
     let verified = asset.verify(&mut |_, _| Ok(()));
     let (w, h) = (asset.width(), asset.height());
-    let relighter = Relighter::new(asset);
+    let relighter = Relighter::new(asset).unwrap();
     for kind in Kind::ALL.into_iter().filter(|kind| relighter.asset().manifest().representation(*kind).is_some()) {
         let look = Look { representation: Some(kind), ambient: 1.0, ..Look::default() };
         let weights = relighter.weights(Light::Lamp(1), &look)?;

@@ -32,7 +32,7 @@ const TINY: (usize, usize) = (16, 8);
 
 /// Linear reconstruction over the asset's lamps, for maps of one size.
 fn operator(asset: &Asset, w: usize, h: usize) -> Operator {
-    let reconstruction = Reconstruction::new(asset.domain().clone(), Method::Linear).unwrap();
+    let reconstruction = Reconstruction::new(asset.directions().unwrap().clone(), Method::Linear).unwrap();
     Operator::new(Arc::new(reconstruction), Outside::Drop, w, h)
 }
 
@@ -46,7 +46,7 @@ fn constant_light_is_the_sum_over_lamps(set: &Set, field: &Path) {
     let asset = Asset::open(field, Access::Mapped).unwrap();
     let omega = operator(&asset, w, h).solid_angles();
     let covered: f64 = omega.iter().sum();
-    assert!((covered / asset.domain().covered_solid_angle() - 1.0).abs() < 1e-4, "covered {covered}");
+    assert!((covered / asset.directions().unwrap().covered_solid_angle() - 1.0).abs() < 1e-4, "covered {covered}");
     let (x, y) = lit.size();
     let expected = Image::from_fn(x, y, |x, y| {
         std::array::from_fn(|c| {
@@ -115,7 +115,7 @@ fn vectors_of_other_lengths_are_scaled_on_request() {
     let s = 3.0;
     let set = Set::new(&[[0.0, 0.0, s], [s, 0.0, 0.0], [0.0, s, 0.0]], TINY, "tif");
     let field = set.import(&["--normalise-directions"]);
-    assert_eq!(Asset::open(&field, Access::Read).unwrap().domain().lamps()[1].x, 1.0);
+    assert_eq!(Asset::open(&field, Access::Read).unwrap().directions().unwrap().lamps()[1].x, 1.0);
 }
 
 /// Reads the transport out of a container with nothing but Python's own zipfile and numpy: shape and type as JSON, then

@@ -22,7 +22,7 @@ pub fn field(folder: &Path, name: &str, lamps: Vec<Vec3>) -> PathBuf {
     let stage = Stage::new(&scene, camera, &lamps, quality);
     let contents = Contents {
         irradiance: vec![std::f32::consts::PI; lamps.len()],
-        domain: lamps.clone(),
+        domain: lamps.clone().into(),
         width: SIZE.0,
         height: SIZE.1,
         precision: Precision::Half,

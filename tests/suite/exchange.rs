@@ -37,7 +37,7 @@ fn full_field() -> (Set, PathBuf) {
 /// `T` of every lamp.
 fn transport(field: &Path) -> Vec<Image> {
     let asset = Asset::open(field, Access::Read).unwrap();
-    asset.samples().unwrap().pictures(0..asset.domain().len()).unwrap()
+    asset.samples().unwrap().pictures(0..asset.directions().unwrap().len()).unwrap()
 }
 
 /// The same `T` to the rounding of halves, the same lamps and layers.
@@ -51,8 +51,8 @@ fn assert_same(again: &Path, field: &Path, alpha_tolerance: f32) {
         }
     }
     let (a, b) = (Asset::open(again, Access::Read).unwrap(), Asset::open(field, Access::Read).unwrap());
-    assert_eq!((a.domain().len(), a.colour_space()), (b.domain().len(), b.colour_space()));
-    for (a, b) in a.domain().lamps().iter().zip(b.domain().lamps()) {
+    assert_eq!((a.directions().unwrap().len(), a.colour_space()), (b.directions().unwrap().len(), b.colour_space()));
+    for (a, b) in a.directions().unwrap().lamps().iter().zip(b.directions().unwrap().lamps()) {
         assert!((a - b).norm() < 1e-6);
     }
     for (a, b) in a.manifest().irradiance().iter().zip(b.manifest().irradiance()) {
@@ -163,7 +163,7 @@ fn openexr_itself_reads_ours_and_is_read() {
         assert_eq!(told[lamp]["irradiance"].as_f64().unwrap() as f32, irradiances[lamp]);
         for axis in 0..3 {
             let found = told[lamp]["direction"][axis].as_f64().unwrap();
-            assert!((found - asset.domain().lamps()[lamp][axis]).abs() < 1e-6);
+            assert!((found - asset.directions().unwrap().lamps()[lamp][axis]).abs() < 1e-6);
         }
         for (c, name) in ["R", "G", "B"].iter().enumerate() {
             let expected = transport[lamp].pixel(36, 18)[c] * irradiances[lamp];

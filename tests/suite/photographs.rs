@@ -35,7 +35,7 @@ impl Painting {
     }
 
     fn relighter(&self) -> Relighter {
-        Relighter::new(Asset::open(&self.asset, Access::Mapped).unwrap())
+        Relighter::new(Asset::open(&self.asset, Access::Mapped).unwrap()).unwrap()
     }
 
     /// The command line's picture.
@@ -113,7 +113,7 @@ fn a_constant_map_keeps_energy() {
         let look = Look { method: relume_core::settings::method(usize::from(method == "linear")), ..Look::default() };
         let omega = relighter.weights(Light::Map(&ones), &look).unwrap();
         let total: f64 = omega.rgb.iter().map(|w| f64::from(w[1])).sum();
-        let covered = relighter.asset().domain().covered_solid_angle();
+        let covered = relighter.asset().directions().unwrap().covered_solid_angle();
         assert!((total / covered - 1.0).abs() < 1e-4, "{method}: {total} of {covered}");
 
         let picture = painting.picture(&["--env", path(&map), "--reconstruct", method]);

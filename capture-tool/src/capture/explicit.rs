@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use relume_core::acquire::explicit::{Bound, Growth, Measure, Noise, Parts, Weight};
 use relume_core::domain::patterns::{Element, Kind, PatternSet};
 use relume_core::image::Image;
-use relume_core::wavelet::{Edge, Normalisation, Transform};
+use relume_core::wavelet::Transform;
 use relume_core::{Error, Result};
 
 use super::patterns::Samples;
@@ -253,8 +253,7 @@ pub fn location(set: &PatternSet, number: usize) -> Result<u32> {
 
 /// The transform whose columns of S are shown.
 fn transform(monitor: &MonitorRig, set: &PatternSet) -> Result<Transform> {
-    let edges = (Edge::Mirrored, Edge::Mirrored);
-    Transform::new(monitor.wavelet.parse()?, set.plane().size(), edges, Normalisation::Energy)
+    set.plane().transform(monitor.wavelet.parse()?)
 }
 
 fn mean(a: &Image, b: &Image) -> Image {

@@ -116,7 +116,7 @@ struct Plan {
 
 impl Plan {
     fn carry_out(&self) -> anyhow::Result<String> {
-        let relighter = Relighter::new(Asset::open(&self.asset, self.access)?);
+        let relighter = Relighter::new(Asset::open(&self.asset, self.access)?)?;
         let size = (relighter.asset().width(), relighter.asset().height());
         let all = self.frames.numbers();
         let missing: Vec<i64> =

@@ -128,7 +128,7 @@ fn photograph(scene: &Scene, camera: Camera, lamps: &Directions, seen: &ClassMap
     let stage = Stage::new(scene, camera, lamps, quality);
     let contents = Contents {
         colour_space: Default::default(),
-        domain: lamps.clone(),
+        domain: lamps.clone().into(),
         irradiance: vec![std::f32::consts::PI; lamps.len()],
         width: camera.width,
         height: camera.height,
@@ -149,7 +149,7 @@ fn photograph(scene: &Scene, camera: Camera, lamps: &Directions, seen: &ClassMap
 /// All maps in one pass over the asset, as RGBA. The lamps fill their cells, so zero-order is exact for light that is
 /// constant over each.
 fn relight(path: &Path, maps: &[EnvMap]) -> relume_core::Result<Vec<Image>> {
-    let relighter = Relighter::new(Asset::open(path, Access::Mapped)?);
+    let relighter = Relighter::new(Asset::open(path, Access::Mapped)?)?;
     let look = Look { method: Method::ZeroOrder, ..Look::default() };
     let weights: Vec<Weights> =
         maps.iter().map(|map| relighter.weights(Light::Map(map), &look)).collect::<relume_core::Result<_>>()?;

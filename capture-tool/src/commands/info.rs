@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use relume_core::domain::{Axis, Coverage};
+use relume_core::domain::{Axis, Coverage, Domain};
 use relume_core::field::{Access, Asset, Kind, Layout, Precision, Representation};
 use serde::Serialize;
 
@@ -45,14 +45,8 @@ pub(super) struct Info<'a> {
     colour_space: &'a str,
     width: usize,
     height: usize,
-    lamps: usize,
-    /// Distinct directions.
-    sites: usize,
-    axis: Axis,
-    coverage: CoverageInfo,
-    median_spacing_deg: f64,
-    /// Smallest and largest E_j.
-    irradiance: [f32; 2],
+    #[serde(flatten)]
+    emits: Emits,
     /// Of the samples, where they are held as photographed.
     precision: Option<Precision>,
     /// The same; all digits: exact in double precision.
@@ -64,6 +58,92 @@ pub(super) struct Info<'a> {
     provenance: &'a serde_json::Value,
 }
 
+/// What the rig could emit.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Emits {
+    Lamps {
+        lamps: usize,
+        /// Distinct directions.
+        sites: usize,
+        axis: Axis,
+        coverage: CoverageInfo,
+        median_spacing_deg: f64,
+        /// Smallest and largest E_j.
+        irradiance: [f32; 2],
+    },
+    Screen {
+        /// Columns and rows.
+        texels: [usize; 2],
+        /// Is it known where on the screen each pixel looks?
+        correspondence: bool,
+    },
+}
+
+impl Emits {
+    fn of(asset: &Asset) -> Self {
+        let lamps = match asset.domain() {
+            Domain::Directions(lamps) => lamps,
+            Domain::Plane(plane, correspondence) => {
+                let texels = [plane.columns(), plane.rows()];
+                return Self::Screen { texels, correspondence: correspondence.is_some() };
+            }
+        };
+        let (kind, half_angle_deg) = match lamps.coverage() {
+            Coverage::Sphere => ("sphere", 180.0),
+            Coverage::Cap { half_angle_rad } => ("cap", half_angle_rad.to_degrees()),
+        };
+        let extremes = |ends: [f32; 2], e: &f32| [ends[0].min(*e), ends[1].max(*e)];
+        Self::Lamps {
+            lamps: lamps.len(),
+            sites: lamps.sites().len(),
+            axis: lamps.axis(),
+            coverage: CoverageInfo { kind, half_angle_deg, solid_angle_sr: lamps.covered_solid_angle() },
+            median_spacing_deg: lamps.median_spacing().to_degrees(),
+            irradiance: asset.manifest().irradiance().iter().fold([f32::INFINITY, 0.0], extremes),
+        }
+    }
+
+    /// How many, in a few words; and what they cover.
+    fn words(&self) -> (String, String) {
+        match self {
+            Self::Lamps { lamps, axis, coverage, .. } => {
+                let axis = match axis {
+                    Axis::Z => "+z (towards the camera)",
+                    Axis::Y => "+y (up)",
+                };
+                let covered = match coverage.kind {
+                    "sphere" => "the full sphere".to_owned(),
+                    _ => format!("a cap of {:.1} degrees about {axis}", coverage.half_angle_deg),
+                };
+                (format!("{lamps} lamps"), covered)
+            }
+            Self::Screen { texels: [columns, rows], correspondence } => {
+                let seen = if *correspondence { "known" } else { "unknown: taken to fill the picture" };
+                (format!("a screen of {columns} x {rows} texels"), format!("its place in the picture {seen}"))
+            }
+        }
+    }
+
+    /// Lines of the table.
+    fn lines(&self) -> Vec<(&'static str, String)> {
+        let (many, covered) = self.words();
+        match self {
+            Self::Lamps { lamps, sites, coverage, median_spacing_deg, irradiance: [least, most], .. } => {
+                let count = if lamps == sites { lamps.to_string() } else { format!("{lamps} in {sites} directions") };
+                let irradiance = if least == most { least.to_string() } else { format!("{least} to {most}") };
+                vec![
+                    ("lamps", count),
+                    ("coverage", format!("{covered}, {:.3} sr", coverage.solid_angle_sr)),
+                    ("spacing", format!("{median_spacing_deg:.2} degrees (median to the nearest lamp)")),
+                    ("irradiance", irradiance),
+                ]
+            }
+            Self::Screen { .. } => vec![("emitter", format!("{many}, {covered}"))],
+        }
+    }
+}
+
 /// A representation.
 #[derive(Debug, Serialize)]
 struct Held {
@@ -71,8 +151,8 @@ struct Held {
     bytes: u64,
     /// The relative error that was asked for.
     asked: Option<f64>,
-    /// The relative error reached over the whole field; 0 for samples.
-    error: f64,
+    /// The relative error reached over the whole field; 0 for samples, nothing where there was nothing to compare with.
+    error: Option<f64>,
     /// What it is, in words.
     words: String,
 }
@@ -86,12 +166,7 @@ struct CoverageInfo {
 
 impl<'a> Info<'a> {
     pub(super) fn of(asset: &'a Asset) -> Self {
-        let (manifest, domain) = (asset.manifest(), asset.domain());
-        let (kind, half_angle_deg) = match domain.coverage() {
-            Coverage::Sphere => ("sphere", 180.0),
-            Coverage::Cap { half_angle_rad } => ("cap", half_angle_rad.to_degrees()),
-        };
-        let extremes = |ends: [f32; 2], e: &f32| [ends[0].min(*e), ends[1].max(*e)];
+        let manifest = asset.manifest();
         Self {
             file: asset.path().display().to_string(),
             file_bytes: asset.file_len(),
@@ -101,12 +176,7 @@ impl<'a> Info<'a> {
             colour_space: &manifest.colour_space,
             width: asset.width(),
             height: asset.height(),
-            lamps: domain.len(),
-            sites: domain.sites().len(),
-            axis: domain.axis(),
-            coverage: CoverageInfo { kind, half_angle_deg, solid_angle_sr: domain.covered_solid_angle() },
-            median_spacing_deg: domain.median_spacing().to_degrees(),
-            irradiance: manifest.irradiance().iter().fold([f32::INFINITY, 0.0], extremes),
+            emits: Emits::of(asset),
             precision: asset.dense().map(|dense| dense.precision()),
             scale: asset.dense().map(|dense| f64::from(dense.scale())),
             half_samples_bytes: half_samples(asset),
@@ -118,52 +188,31 @@ impl<'a> Info<'a> {
 
     /// One line: lamps, size, coverage, bytes.
     pub(super) fn summary(&self) -> String {
+        let (emits, covered) = self.emits.words();
         format!(
-            "{}: {} lamps, {} x {} pixels, {}, {}, {}",
+            "{}: {emits}, {} x {} pixels, {covered}, {}, {}",
             self.file,
-            self.lamps,
             self.width,
             self.height,
-            self.coverage_words(),
             self.representations.iter().map(|held| held.words.as_str()).collect::<Vec<_>>().join(" and "),
             megabytes(self.file_bytes)
         )
     }
 
-    fn coverage_words(&self) -> String {
-        let axis = match self.axis {
-            Axis::Z => "+z (towards the camera)",
-            Axis::Y => "+y (up)",
-        };
-        match self.coverage.kind {
-            "sphere" => "the full sphere".to_owned(),
-            _ => format!("a cap of {:.1} degrees about {axis}", self.coverage.half_angle_deg),
-        }
-    }
-
     fn table(&self) -> Result<String, std::fmt::Error> {
         let mut out = String::new();
         let [major, minor] = self.version;
-        let lamps = match self.lamps - self.sites {
-            0 => self.lamps.to_string(),
-            _ => format!("{} in {} directions", self.lamps, self.sites),
-        };
-        let [least, most] = self.irradiance;
-        let irradiance = if least == most { least.to_string() } else { format!("{least} to {most}") };
         let layers: Vec<&str> = self.layers.keys().map(String::as_str).collect();
         let layers = if layers.is_empty() { "none".to_owned() } else { layers.join(", ") };
-        let coverage = format!("{}, {:.3} sr", self.coverage_words(), self.coverage.solid_angle_sr);
-        for (name, value) in [
+        let mut lines = vec![
             ("file", self.file.clone()),
             ("bytes", format!("{} ({})", self.file_bytes, megabytes(self.file_bytes))),
             ("format", format!("{} {major}.{minor}, written by {}", self.format, self.tool)),
             ("size", format!("{} x {} pixels, {}", self.width, self.height, self.colour_space)),
-            ("lamps", lamps),
-            ("coverage", coverage),
-            ("spacing", format!("{:.2} degrees (median to the nearest lamp)", self.median_spacing_deg)),
-            ("irradiance", irradiance),
-            ("layers", layers),
-        ] {
+        ];
+        lines.extend(self.emits.lines());
+        lines.push(("layers", layers));
+        for (name, value) in lines {
             writeln!(out, "{name:<12}{value}")?;
         }
         out += &self.held();
@@ -178,11 +227,12 @@ impl<'a> Info<'a> {
         let mut out = String::new();
         for held in &self.representations {
             let lost = match held.kind {
-                Kind::Dense => String::new(),
+                Kind::Dense | Kind::Explicit => String::new(),
+                _ if held.error.is_none() => String::new(),
                 _ => format!(
                     ", 1:{:.1} of half samples, error {:.3} %{}",
                     self.half_samples_bytes as f64 / held.bytes.max(1) as f64,
-                    100.0 * held.error,
+                    100.0 * held.error.unwrap_or_default(),
                     held.asked.map(|asked| format!(" ({:.3} % asked)", 100.0 * asked)).unwrap_or_default()
                 ),
             };
@@ -226,14 +276,16 @@ impl Held {
             Representation::Wavelet { wavelet, grid: [w, h], reconstruction, .. } => {
                 let terms = asset.sparse().map_or(0, |sparse| sparse.terms()) as f64;
                 let each = terms / (asset.width() * asset.height()) as f64;
-                format!("{wavelet} on {w} x {h}, rebuilt by {reconstruction}, {each:.1} terms a pixel")
+                let rebuilt = reconstruction.as_ref().map(|r| format!(", rebuilt by {r}")).unwrap_or_default();
+                format!("{wavelet} on {w} x {h}{rebuilt}, {each:.1} terms a pixel")
             }
+            Representation::Explicit { wavelet, functions, .. } => format!("{functions} functions of {wavelet}"),
         };
         Self {
             kind,
             bytes: asset.bytes(kind),
             asked: loss.and_then(|loss| loss.asked),
-            error: loss.map_or(0.0, |loss| loss.reached),
+            error: loss.map(|loss| loss.reached).or((kind == Kind::Dense).then_some(0.0)),
             words,
         }
     }

@@ -83,12 +83,17 @@ impl Arguments {
         };
         let rebuilt: Vec<Reconstruction> = chosen
             .into_iter()
-            .map(|method| Reconstruction::new(asset.domain().clone(), method))
+            .map(|method| Reconstruction::new(asset.directions()?.clone(), method))
             .collect::<relume_core::Result<_>>()?;
         let sheet = Sheet { projection: self.on, rebuilt: &rebuilt, rows: &rows }.draw(&asset)?;
         image::write(&self.output, &sheet, EncodeOptions { png8: true, ..EncodeOptions::default() })?;
         let pixels = if rows.len() == 1 { "pixel" } else { "pixels" };
-        Ok(format!("{}: {} {pixels}; {}\n", self.output.display(), rows.len(), self.on.words(asset.domain().axis())))
+        Ok(format!(
+            "{}: {} {pixels}; {}\n",
+            self.output.display(),
+            rows.len(),
+            self.on.words(asset.directions()?.axis())
+        ))
     }
 }
 
@@ -117,13 +122,13 @@ struct Sheet<'a> {
 impl Sheet<'_> {
     fn draw(&self, asset: &Asset) -> anyhow::Result<Image> {
         let (w, h) = self.projection.size();
-        let axis = asset.domain().axis();
+        let axis = asset.directions()?.axis();
         let panels = 1 + self.rebuilt.len();
         let (across, lines) = (panels.min(ACROSS), panels.div_ceil(ACROSS));
         let row_height = LINE + lines * (h + LINE) + MARGIN;
         let thumbnail = thumbnail(asset)?;
         let name = asset.path().file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let words = [name, format!("{} lamps", asset.domain().len()), self.projection.words(axis).to_owned()];
+        let words = [name, format!("{} lamps", asset.directions()?.len()), self.projection.words(axis).to_owned()];
         let beside = words.iter().map(|line| Canvas::width_of(line)).max().unwrap_or(0);
         let width = (across * (w + MARGIN)).max(thumbnail.width() + MARGIN + beside + MARGIN) + MARGIN;
         let top = thumbnail.height().max(4 * LINE) + 2 * MARGIN;
@@ -150,7 +155,7 @@ impl Sheet<'_> {
             canvas.text((MARGIN, y), &row.words(n + 1));
             for panel in 0..panels {
                 let at = (MARGIN + panel % ACROSS * (w + MARGIN), y + LINE + panel / ACROSS * (h + LINE));
-                self.panel(&mut canvas, at, row, asset.domain(), panel);
+                self.panel(&mut canvas, at, row, asset.directions()?, panel);
                 progress.step((n * panels + panel + 1) as u64, (self.rows.len() * panels) as u64)?;
             }
         }
@@ -214,7 +219,7 @@ fn dot(direction: &Vec3, row: &Row, domain: &Directions, radius: f64) -> [f32; 3
 
 /// The object under all lamps at once, averaged down or repeated up to fit.
 fn thumbnail(asset: &Asset) -> anyhow::Result<Image> {
-    let lamps = asset.domain().len();
+    let lamps = asset.directions()?.len();
     let all = Weights::of_lamps(vec![[1.0 / lamps as f32; 3]; lamps]);
     let mut pictures = apply(asset.samples()?, &[&all], Window::full(asset.width(), asset.height()))?;
     let Some(mut whole) = pictures.pop() else { anyhow::bail!("no picture") };

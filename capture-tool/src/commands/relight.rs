@@ -171,7 +171,7 @@ impl Plan {
             return layer.write(&asset, &self.output);
         }
         let relighter = match &self.exclude[..] {
-            [] => Relighter::new(asset),
+            [] => Relighter::new(asset)?,
             excluded => Relighter::without(asset, excluded)?,
         };
         if self.look.ambient != 0.0 && relighter.asset().ambient().is_none() {

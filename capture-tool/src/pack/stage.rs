@@ -102,7 +102,7 @@ impl StagePack<'_> {
         ambient.data_mut().iter_mut().for_each(|v| *v *= unit);
         let directions = self.stage.lamps.directions();
         let contents = Contents {
-            domain: Directions::new(lamps.iter().map(|(lamp, _)| directions[*lamp]).collect())?,
+            domain: Directions::new(lamps.iter().map(|(lamp, _)| directions[*lamp]).collect())?.into(),
             irradiance: lamps.iter().map(|(lamp, _)| self.irradiances.mean(*lamp) * unit).collect(),
             width: size.0,
             height: size.1,

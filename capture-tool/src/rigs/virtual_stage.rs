@@ -230,7 +230,7 @@ fn lit(transport: &Asset, irradiances: Vec<[f32; 3]>) -> Result<Image> {
 
 /// The picture under a constant map.
 fn under_constant(transport: &Asset, radiance: f32) -> Result<Image> {
-    let domain = transport.domain();
+    let domain = transport.directions()?;
     // Equal parts of the covered solid angle: ambient light need not be exact, only smooth and known.
     let part = (domain.covered_solid_angle() / domain.len() as f64) as f32;
     lit(transport, vec![[radiance * part; 3]; domain.len()])
@@ -273,7 +273,7 @@ fn trace(rig: &RigFile, lamps: &Lamps, path: &Path, progress: &mut dyn FnMut(u64
     let contents = Contents {
         colour_space: Default::default(),
         irradiance: vec![std::f32::consts::PI; domain.len()],
-        domain,
+        domain: domain.into(),
         width: camera.width,
         height: camera.height,
         precision: Precision::Half,

@@ -217,7 +217,7 @@ impl ImportExr {
         }
         let contents = Contents {
             irradiance: irradiances,
-            domain: Directions::new(directions)?,
+            domain: Directions::new(directions)?.into(),
             width,
             height,
             colour_space: self.colour_space.or(layers.colour_space()).unwrap_or_default(),

@@ -110,7 +110,7 @@ impl ImportLp {
         }
         let contents = Contents {
             irradiance: irradiances,
-            domain,
+            domain: domain.into(),
             width,
             height,
             colour_space: self.colour_space,

@@ -43,7 +43,8 @@ pub struct Surface {
 /// Fewer than 4 lamp directions, or all of them in one plane; bytes that cannot be read; what `progress` returns.
 pub fn surface(asset: &Asset, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<Surface> {
     let place = || asset.path().display().to_string();
-    let estimator = estimator(asset.domain()).map_err(|(found, expected)| Error::invalid(place(), found, expected))?;
+    let estimator =
+        estimator(asset.directions()?).map_err(|(found, expected)| Error::invalid(place(), found, expected))?;
     let (width, height) = (asset.width(), asset.height());
     let mut surface =
         Surface { normals: Image::new(width, height, 3), albedo: Image::new(width, height, 3), pixels: 0, reliable: 0 };

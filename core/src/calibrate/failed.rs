@@ -60,7 +60,7 @@ pub struct LampCheck {
 /// # Errors
 /// Fewer than 12 lamps in different directions; bytes that cannot be read; what `progress` returns.
 pub fn check_lamps(asset: &Asset, progress: &mut dyn FnMut(u64, u64) -> Result<()>) -> Result<LampCheck> {
-    let sites = asset.domain().sites().len();
+    let sites = asset.directions()?.sites().len();
     if sites < FEWEST {
         return Err(Error::Unsupported {
             place: asset.path().display().to_string(),
@@ -68,7 +68,7 @@ pub fn check_lamps(asset: &Asset, progress: &mut dyn FnMut(u64, u64) -> Result<(
             advice: format!("it takes {FEWEST} to tell one from the rest; look at them with `relume relight --lamp N`"),
         });
     }
-    Ok(outliers(asset.domain(), &thumbnails(asset, progress)?))
+    Ok(outliers(asset.directions()?, &thumbnails(asset, progress)?))
 }
 
 /// Sums over the pixels and channels of square cells, `[lamp][cell]`.

@@ -6,19 +6,25 @@
 //! | [`lp`] | their text files |
 //! | `grid`, `stage_grid` | lamps on rings |
 //! | `plane` | the texels of a screen |
+//! | `correspondence` | where on a screen the pixels of a camera look |
+//! | `kind` | lamps or texels |
 //! | `emitter` | what light the codes of a screen or projector become |
 //! | [`patterns`] | what a screen or projector shows, set by set |
 
+mod correspondence;
 mod directions;
 mod emitter;
 mod grid;
+mod kind;
 pub mod lp;
 pub mod patterns;
 mod plane;
 mod stage_grid;
 
+pub use correspondence::{Area, Correspondence, TERMS, monomials};
 pub use directions::{Axis, Coverage, Directions};
 pub use emitter::{Bits, Emitter, EmitterCurve};
 pub use grid::LatLongGrid;
+pub use kind::Domain;
 pub use plane::Plane;
 pub use stage_grid::StageGrid;

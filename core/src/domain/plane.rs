@@ -1,6 +1,7 @@
 //! The texels of a screen, or of a projector's picture.
 
 use crate::error::{Error, Result};
+use crate::wavelet::{Edge, Normalisation, Transform, Wavelet};
 
 /// The longest side: 16384 texels, as pictures.
 const LONGEST_SIDE: usize = 1 << 14;
@@ -63,6 +64,22 @@ impl Plane {
     /// Column and row of a texel.
     pub fn place(&self, element: usize) -> (usize, usize) {
         (element % self.columns, element / self.columns)
+    }
+
+    /// The transform of functions on the screen: mirrored at all edges (a screen does not go round), in the constant-energy
+    /// normalisation.
+    ///
+    /// # Errors
+    /// A wavelet that cannot be mirrored.
+    pub fn transform(&self, wavelet: Wavelet) -> Result<Transform> {
+        if !wavelet.is_symmetric() {
+            return Err(Error::Unsupported {
+                place: "functions on a screen".to_owned(),
+                what: format!("the wavelet `{}`, which cannot be mirrored at the edges,", wavelet.id()),
+                advice: "use haar, 5/3 or 9/7".to_owned(),
+            });
+        }
+        Transform::new(wavelet, self.size(), (Edge::Mirrored, Edge::Mirrored), Normalisation::Energy)
     }
 
     /// The centre of a texel, in texels from the top left corner of the grid.

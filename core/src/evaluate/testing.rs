@@ -43,7 +43,7 @@ pub fn photograph(scene: &Scene, lamps: Vec<Vec3>, quality: Quality, (width, hei
     let contents = Contents {
         colour_space: Default::default(),
         irradiance: vec![1.0; lamps.len()],
-        domain: lamps.clone(),
+        domain: lamps.clone().into(),
         width,
         height,
         precision: Precision::Half,

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::archive::{self, Entries};
 use super::dense::{Dense, Layout};
+use super::explicit::Explicit;
 use super::factored::{Described, Factored};
 use super::harmonics::Harmonics;
 use super::manifest::{Kind, Manifest, Precision, Representation};
@@ -15,7 +16,7 @@ use super::npy;
 use super::samples::Samples;
 use super::sparse::Sparse;
 use super::store::{Access, Scratch, Store};
-use crate::domain::Directions;
+use crate::domain::{Directions, Domain};
 use crate::error::{Error, Result};
 use crate::image::{ColourSpace, Image};
 
@@ -28,11 +29,12 @@ const HASH_CHUNK: u64 = 16 << 20;
 pub struct Asset {
     manifest: Manifest,
     colour_space: ColourSpace,
-    domain: Arc<Directions>,
+    domain: Domain,
     dense: Option<Dense>,
     harmonics: Option<Harmonics>,
     factored: Option<Factored>,
     sparse: Option<Sparse>,
+    explicit: Option<Explicit>,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
     normals: Option<Picture>,
@@ -52,12 +54,12 @@ impl Asset {
         let place = path.display().to_string();
         let manifest = Manifest::parse(&archive::manifest_bytes(path, &entries)?, &place)?;
         let domain =
-            manifest.directions().map_err(|error| Error::invalid(&place, error.to_string(), "a usable domain"))?;
+            manifest.emitter().map_err(|error| Error::invalid(&place, error.to_string(), "a usable domain"))?;
         let colour_space = manifest.colours()?;
         let store = Arc::new(Store::open(path, access)?);
         let open = Opening { store: &store, entries: &entries, place: &place };
         let (w, h) = (manifest.width, manifest.height);
-        let (mut dense, mut harmonics, mut factored, mut sparse) = (None, None, None, None);
+        let (mut dense, mut harmonics, mut factored, mut sparse, mut explicit) = (None, None, None, None, None);
         for representation in &manifest.representations {
             if let Some(loss) = representation.loss() {
                 open.array(&loss.errors, Precision::Half.descr(), &[h, w], Precision::Half.bytes())?;
@@ -69,7 +71,9 @@ impl Asset {
                 }
                 Representation::Harmonics { array, functions, scale, .. } => {
                     let layout = Layout { width: w, height: h, elements: *functions };
-                    harmonics = Some(Harmonics::new(open.dense(array, layout, Precision::Half, *scale)?, &domain));
+                    let pictures = open.dense(array, layout, Precision::Half, *scale)?;
+                    // The manifest has none for screens.
+                    harmonics = domain.directions().map(|lamps| Harmonics::new(pictures, lamps));
                 }
                 Representation::Factored { tile, ranks, left, right, scale, .. } => {
                     let layout = Layout { width: w, height: h, elements: domain.len() };
@@ -77,6 +81,12 @@ impl Asset {
                     factored = Some(Factored::open(&open, &store, &described)?);
                 }
                 Representation::Wavelet { .. } => sparse = Sparse::open(&open, &domain, (w, h), representation)?,
+                Representation::Explicit { array, wavelet, locations, functions, scale } => {
+                    let layout = Layout { width: w, height: h, elements: *functions };
+                    let pictures = open.dense(array, layout, Precision::Half, *scale)?;
+                    let at = open.array(locations, "<u4", &[*functions], 4)?;
+                    explicit = Explicit::open(&open, pictures, &domain, wavelet, at)?;
+                }
             }
         }
         let layer = |name: &str, shape: &[usize]| -> Result<Option<Vec<f32>>> {
@@ -96,11 +106,12 @@ impl Asset {
         Ok(Self {
             manifest,
             colour_space,
-            domain: Arc::new(domain),
+            domain,
             dense,
             harmonics,
             factored,
             sparse,
+            explicit,
             ambient,
             alpha,
             normals,
@@ -140,12 +151,25 @@ impl Asset {
         self.manifest.height
     }
 
-    /// The lamps.
-    pub fn domain(&self) -> &Arc<Directions> {
+    /// What the rig could emit.
+    pub fn domain(&self) -> &Domain {
         &self.domain
     }
 
-    /// The samples at the lamps, as photographed, if the asset holds them.
+    /// The lamps.
+    ///
+    /// # Errors
+    /// A field of a screen, which has none.
+    pub fn directions(&self) -> Result<&Arc<Directions>> {
+        self.domain.directions().ok_or_else(|| Error::Unsupported {
+            place: self.path().display().to_string(),
+            what: "light from all round on a field of a screen".to_owned(),
+            advice: "light it with a picture: `relume matte`, `relume relight --plane`, or Relume Environment Matte"
+                .to_owned(),
+        })
+    }
+
+    /// The samples at the lamps or texels, as photographed, if the asset holds them.
     pub fn dense(&self) -> Option<&Dense> {
         self.dense.as_ref()
     }
@@ -163,6 +187,11 @@ impl Asset {
     /// The wavelet coefficients, if the asset holds them.
     pub fn sparse(&self) -> Option<&Sparse> {
         self.sparse.as_ref()
+    }
+
+    /// The answers to the wavelets that a screen showed, if the asset holds them.
+    pub fn explicit(&self) -> Option<&Explicit> {
+        self.explicit.as_ref()
     }
 
     /// The samples at the lamps, as photographed or decoded.

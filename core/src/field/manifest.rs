@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::domain::{Axis, Coverage, Directions};
+use crate::domain::{self, Axis, Correspondence, Coverage, Directions, Plane};
 use crate::error::{Error, Result};
 use crate::image::ColourSpace;
 use crate::math::Vec3;
 
 /// The `format` field of every manifest.
 pub const FORMAT: &str = "relume.rfield";
-/// Major and minor version that this library writes. 2: several representations; 1, with one, is read too.
-pub const VERSION: [u32; 2] = [2, 0];
+/// Major and minor version that this library writes. 2: several representations; 1, with one, is read too. 2.1: screens.
+pub const VERSION: [u32; 2] = [2, 1];
 /// The first major version.
 const OLDEST: u32 = 1;
 /// Rows or columns beyond this are taken for corruption: no camera comes near.
@@ -92,17 +92,48 @@ pub enum Domain {
         /// E_j: irradiance of lamp j on a patch facing it; T_j = photo_j / E_j.
         irradiance: Vec<f32>,
     },
+    /// The texels of a screen; T is the answer to radiance 1 of a texel, that of the white screen.
+    Plane {
+        /// Texels in a row.
+        columns: usize,
+        /// Texels in a column.
+        rows: usize,
+        /// Where on the screen each pixel of the camera looks, if that is known.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        correspondence: Option<Correspondence>,
+    },
+}
+
+impl Domain {
+    fn check(&self, place: &str) -> Result<()> {
+        let refuse = |found: String, expected: &str| Err(Error::invalid(place, found, expected));
+        match self {
+            Domain::Directions { directions, irradiance, .. } => {
+                if !(1..=MOST_ELEMENTS).contains(&directions.len()) {
+                    return refuse(format!("{} lamps", directions.len()), "1 to 1048576");
+                }
+                if irradiance.len() != directions.len() || irradiance.iter().any(|e| !(e.is_finite() && *e > 0.0)) {
+                    return refuse(format!("{} irradiances", irradiance.len()), "one positive number a lamp");
+                }
+                Ok(())
+            }
+            Domain::Plane { columns, rows, .. } => match columns.checked_mul(*rows) {
+                Some(1..=MOST_ELEMENTS) => Ok(()),
+                _ => refuse(format!("{columns} x {rows} texels"), "1 to 1048576"),
+            },
+        }
+    }
 }
 
 /// How `T` is represented.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Representation {
-    /// One coefficient picture per lamp.
+    /// One coefficient picture per lamp, or per texel of a screen.
     Dense {
         /// The entry.
         array: String,
-        /// The projection whose elements these are: `lamps`.
+        /// The projection whose elements these are: `lamps` or `texels`.
         basis: String,
         /// How numbers are stored.
         precision: Precision,
@@ -139,15 +170,17 @@ pub enum Representation {
         /// What was lost.
         loss: Loss,
     },
-    /// For each pixel a set of wavelet coefficients of its reflectance function, rebuilt on a grid.
+    /// For each pixel a set of wavelet coefficients of its reflectance function: rebuilt on a grid from samples at lamps, or found
+    /// from what a screen showed.
     Wavelet {
-        /// Id of the [`Wavelet`](crate::wavelet::Wavelet), in the constant-energy normalisation, cyclic in longitude and mirrored at both ends of
-        /// the other axis.
+        /// Id of the [`Wavelet`](crate::wavelet::Wavelet), in the constant-energy normalisation: cyclic in longitude and mirrored at both ends of
+        /// the other axis; on a screen, mirrored at all edges. On a screen `texel` stands for no wavelet: terms are texels.
         wavelet: String,
-        /// Longitudes about the axis of the domain x angles from it, over its coverage.
+        /// Longitudes about the axis of the domain x angles from it, over its coverage; the texels of a screen.
         grid: [usize; 2],
-        /// Id of the [`Method`](crate::reconstruct::Method) that the functions were rebuilt by.
-        reconstruction: String,
+        /// Id of the [`Method`](crate::reconstruct::Method) that the functions were rebuilt by from samples at lamps.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        reconstruction: Option<String>,
         /// First term of each pixel, and their number.
         offsets: String,
         /// Place of each term.
@@ -160,8 +193,23 @@ pub enum Representation {
         /// The most terms that a pixel was allowed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         most_terms: Option<usize>,
-        /// What was lost.
-        loss: Loss,
+        /// What was lost, where there were samples to compare with.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        loss: Option<Loss>,
+    },
+    /// One coefficient picture for each wavelet that a screen showed (6.6), halves, laid out as dense ones: the answer to a column of S.
+    Explicit {
+        /// The entry.
+        array: String,
+        /// Id of the [`Wavelet`](crate::wavelet::Wavelet), in the constant-energy normalisation, mirrored at all edges.
+        wavelet: String,
+        /// Entry with the location of each function, `<u4`.
+        locations: String,
+        /// How many functions.
+        functions: usize,
+        /// A power of two: coefficient = stored x scale.
+        #[serde(serialize_with = "exactly")]
+        scale: f32,
     },
 }
 
@@ -193,11 +241,15 @@ pub enum Kind {
     Wavelet,
     /// Spherical harmonics.
     Harmonics,
+    /// Wavelets that a screen showed.
+    Explicit,
 }
 
 impl Kind {
     /// All, in permanent order.
-    pub const ALL: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics];
+    pub const ALL: [Kind; 5] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics, Kind::Explicit];
+    /// Those that a field of lamps can have.
+    pub const OF_LAMPS: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics];
 
     /// Permanent id.
     pub const fn id(self) -> &'static str {
@@ -206,6 +258,7 @@ impl Kind {
             Kind::Factored => "factored",
             Kind::Wavelet => "wavelet",
             Kind::Harmonics => "harmonics",
+            Kind::Explicit => "explicit",
         }
     }
 }
@@ -218,16 +271,16 @@ impl Representation {
             Representation::Harmonics { .. } => Kind::Harmonics,
             Representation::Factored { .. } => Kind::Factored,
             Representation::Wavelet { .. } => Kind::Wavelet,
+            Representation::Explicit { .. } => Kind::Explicit,
         }
     }
 
-    /// What was lost; nothing where the samples are stored themselves.
+    /// What was lost; nothing where what was photographed is stored itself, or there was nothing to compare with.
     pub fn loss(&self) -> Option<&Loss> {
         match self {
-            Representation::Dense { .. } => None,
-            Representation::Harmonics { loss, .. }
-            | Representation::Factored { loss, .. }
-            | Representation::Wavelet { loss, .. } => Some(loss),
+            Representation::Dense { .. } | Representation::Explicit { .. } => None,
+            Representation::Harmonics { loss, .. } | Representation::Factored { loss, .. } => Some(loss),
+            Representation::Wavelet { loss, .. } => loss.as_ref(),
         }
     }
 
@@ -237,12 +290,20 @@ impl Representation {
             Representation::Dense { array, .. } | Representation::Harmonics { array, .. } => vec![array],
             Representation::Factored { ranks, left, right, .. } => vec![ranks, left, right],
             Representation::Wavelet { offsets, locations, coefficients, .. } => vec![offsets, locations, coefficients],
+            Representation::Explicit { array, locations, .. } => vec![array, locations],
         };
         own.into_iter().chain(self.loss().map(|loss| &loss.errors)).map(String::as_str).collect()
     }
 
-    fn check(&self, place: &str) -> Result<()> {
+    fn check(&self, place: &str, domain: &Domain) -> Result<()> {
         let refuse = |found: String, expected: &str| Err(Error::invalid(place, found, expected));
+        let of_screen = matches!(domain, Domain::Plane { .. });
+        let never = if of_screen { Kind::Harmonics } else { Kind::Explicit };
+        if self.kind() == never {
+            let found = format!("the representation `{}` of a field of another rig", never.id());
+            return refuse(found, "lamps with harmonics, screens with explicit wavelets");
+        }
+        let elements = if of_screen { "texels" } else { "lamps" };
         if let Some(loss) = self.loss() {
             if !(loss.reached.is_finite() && loss.reached >= 0.0) {
                 return refuse(format!("an error of {}", loss.reached), "a finite one, not negative");
@@ -250,14 +311,20 @@ impl Representation {
             check_scale(loss.scale, place)?;
         }
         match self {
-            Representation::Dense { basis, .. } if basis != "lamps" => refuse(format!("basis `{basis}`"), "`lamps`"),
+            Representation::Dense { basis, .. } if basis != elements => {
+                refuse(format!("basis `{basis}`"), &format!("`{elements}`"))
+            }
+            Representation::Explicit { functions, .. } if !(1..=MOST_ELEMENTS).contains(functions) => {
+                refuse(format!("{functions} functions"), "1 to 1048576")
+            }
             Representation::Harmonics { functions, .. } if bands_of(*functions).is_none() => {
                 refuse(format!("{functions} spherical harmonics"), "a square number from 4 to 625: whole bands")
             }
             Representation::Dense { scale, .. }
             | Representation::Harmonics { scale, .. }
             | Representation::Factored { scale, .. }
-            | Representation::Wavelet { scale, .. } => check_scale(*scale, place),
+            | Representation::Wavelet { scale, .. }
+            | Representation::Explicit { scale, .. } => check_scale(*scale, place),
         }
     }
 }
@@ -324,16 +391,10 @@ impl Manifest {
 
     fn check(&self, place: &str) -> Result<()> {
         let refuse = |found: String, expected: &str| Err(Error::invalid(place, found, expected));
-        let Domain::Directions { directions, irradiance, .. } = &self.domain;
         if !(1..=LARGEST_SIDE).contains(&self.width) || !(1..=LARGEST_SIDE).contains(&self.height) {
             return refuse(format!("a picture of {} x {}", self.width, self.height), "1 to 131072 pixels a side");
         }
-        if !(1..=MOST_ELEMENTS).contains(&directions.len()) {
-            return refuse(format!("{} lamps", directions.len()), "1 to 1048576");
-        }
-        if irradiance.len() != directions.len() || irradiance.iter().any(|e| !(e.is_finite() && *e > 0.0)) {
-            return refuse(format!("{} irradiances", irradiance.len()), "one positive number a lamp");
-        }
+        self.domain.check(place)?;
         let known: Result<ColourSpace> = self.colour_space.parse();
         if let Err(Error::Invalid { found, expected, .. }) = known {
             return refuse(format!("colour space {found}"), &expected);
@@ -346,9 +407,26 @@ impl Manifest {
             if self.representations[..n].iter().any(|other| other.kind() == kind) {
                 return refuse(format!("two representations of kind `{}`", kind.id()), "one at most");
             }
-            representation.check(place)?;
+            representation.check(place, &self.domain)?;
         }
         Ok(())
+    }
+
+    /// What the rig could emit, ready for use.
+    ///
+    /// # Errors
+    /// Vectors that are no directions; a grid of texels that no screen has.
+    pub fn emitter(&self) -> Result<domain::Domain> {
+        match &self.domain {
+            Domain::Directions { axis, coverage, directions, .. } => {
+                let directions = directions.iter().map(|d| Vec3::from(*d)).collect();
+                Ok(Directions::with_coverage(directions, *axis, *coverage)?.into())
+            }
+            Domain::Plane { columns, rows, correspondence } => {
+                let plane = Plane::new(*columns, *rows)?;
+                Ok(domain::Domain::Plane(plane, correspondence.clone()))
+            }
+        }
     }
 
     /// The representation of a kind, if there is one.
@@ -364,18 +442,11 @@ impl Manifest {
         self.colour_space.parse()
     }
 
-    /// The lamps.
-    ///
-    /// # Errors
-    /// Vectors that are no directions.
-    pub fn directions(&self) -> Result<Directions> {
-        let Domain::Directions { axis, coverage, directions, .. } = &self.domain;
-        Directions::with_coverage(directions.iter().map(|d| Vec3::from(*d)).collect(), *axis, *coverage)
-    }
-
-    /// E_j of each lamp.
+    /// E_j of each lamp; none of a screen.
     pub fn irradiance(&self) -> &[f32] {
-        let Domain::Directions { irradiance, .. } = &self.domain;
-        irradiance
+        match &self.domain {
+            Domain::Directions { irradiance, .. } => irradiance,
+            Domain::Plane { .. } => &[],
+        }
     }
 }

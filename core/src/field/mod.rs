@@ -4,7 +4,7 @@
 //! memory-mapped, listed with `unzip -l`, and its arrays opened by `numpy.load`:
 //!
 //! ```text
-//! transport/dense.npy   T at the lamps, [block y, block x, channel, lamp, 8, 16], `<f2` or `<f4`
+//! transport/dense.npy   T at lamps or texels, [block y, block x, channel, element, 8, 16], `<f2` or `<f4`
 //! transport/*.npy       compact representations of it, beside it or in its place ([`Representation`]), each with its errors
 //! layers/*.npy          ambient S, normals, albedo (height, width, 3), alpha (height, width), `<f4`, row 0 at the top
 //! preview.png           a lit picture for file browsers
@@ -24,6 +24,8 @@
 //! | `harmonics` | coefficient pictures of spherical harmonics |
 //! | `factored` | tiles of low rank |
 //! | `sparse` | wavelet coefficients of each pixel |
+//! | `explicit` | pictures under wavelets that a screen showed |
+//! | `terms` | the arrays of `sparse` as they are made |
 //! | `samples` | the samples at the lamps, as photographed or decoded |
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
@@ -34,6 +36,7 @@ mod archive;
 mod asset;
 pub mod compress;
 mod dense;
+mod explicit;
 mod factored;
 mod harmonics;
 mod manifest;
@@ -42,11 +45,14 @@ mod npy;
 mod rewrite;
 mod samples;
 mod sparse;
+mod spool;
 mod store;
+mod terms;
 mod writer;
 
 pub use asset::Asset;
 pub use dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Dense, Layout};
+pub use explicit::Explicit;
 pub use factored::{Factored, Tiles};
 pub use harmonics::Harmonics;
 pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
@@ -54,7 +60,7 @@ pub use rewrite::{NewLayer, add_layers};
 pub use samples::Samples;
 pub use sparse::{Sparse, TermBuffer, Terms};
 pub use store::Access;
-pub use writer::{Bands, Contents, write};
+pub use writer::{Bands, BlockTerms, Contents, TermBands, TermBasis, write, write_explicit, write_terms};
 
 #[cfg(test)]
 mod tests;

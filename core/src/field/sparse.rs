@@ -1,9 +1,10 @@
 //! For each pixel its own set of wavelet coefficients (chapter 5).
 //!
-//! The reflectance function t of a pixel, rebuilt on a grid about the axis of the lamps, is `t ~ sum_k c_k s_k`: `s_k` the
-//! synthesis functions at the kept locations, `c_k` one RGB triple each, so the three channels share the set. Lit by w on
-//! the grid it shows `<t, w> = sum_k c_k (S^T w)_k`: the light is transformed once ([`Sparse::transformed`]), and every
-//! pixel gathers from it.
+//! The reflectance function t of a pixel, rebuilt on a grid about the axis of the lamps or found on the texels of a screen, is
+//! `t ~ sum_k c_k s_k`: `s_k` the synthesis functions at the kept locations, `c_k` one RGB triple each, so the three channels
+//! share the set. Lit by w on the grid it shows `<t, w> = sum_k c_k (S^T w)_k`: the light is transformed once
+//! ([`Sparse::transformed`]), and every pixel gathers from it. On a screen the functions can be the texels themselves: a
+//! pixel of clear glass sees only a few.
 //!
 //! Pixels come block by block, as in a dense field (rows of 16 x 8 pixels, those beyond the edges of the picture without
 //! terms), so that the terms of a block lie together: compressing appends them as it reads the samples, and a window reads
@@ -18,9 +19,12 @@ use super::asset::Opening;
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
 use super::manifest::Representation;
 use super::store::{Scratch, Store};
-use crate::domain::{Directions, StageGrid};
+use crate::domain::{Domain, StageGrid};
 use crate::error::{Error, Result};
 use crate::wavelet::Transform;
+
+/// In place of a wavelet's id: terms are texels.
+pub(super) const TEXELS: &str = "texel";
 
 /// Bytes of a location: the fewest that do.
 pub(super) fn location_bytes(texels: usize) -> usize {
@@ -47,8 +51,10 @@ pub struct Sparse {
     store: Arc<Store>,
     /// Columns, rows, texels of the grid.
     layout: Layout,
-    grid: StageGrid,
-    transform: Transform,
+    /// None on a screen.
+    grid: Option<StageGrid>,
+    /// None where terms are texels.
+    transform: Option<Transform>,
     /// How many terms there are.
     terms: u64,
     /// Where the numbers of the arrays start.
@@ -104,7 +110,7 @@ impl Sparse {
     /// Opens the arrays: sizes are checked here, offsets and locations where they are used.
     pub(super) fn open(
         open: &Opening<'_>,
-        domain: &Directions,
+        domain: &Domain,
         (width, height): (usize, usize),
         representation: &Representation,
     ) -> Result<Option<Self>> {
@@ -113,16 +119,31 @@ impl Sparse {
             return Ok(None);
         };
         let named = |error: Error| Error::invalid(open.place, error.to_string(), "a usable wavelet representation");
-        let grid = StageGrid::new(domain, (grid[0], grid[1])).map_err(named)?;
-        let transform = grid.transform(wavelet.parse().map_err(named)?).map_err(named)?;
-        let layout = Layout { width, height, elements: grid.texels() };
+        let (grid, transform, texels) = match domain {
+            Domain::Directions(lamps) => {
+                let grid = StageGrid::new(lamps, (grid[0], grid[1])).map_err(named)?;
+                let transform = grid.transform(wavelet.parse().map_err(named)?).map_err(named)?;
+                let texels = grid.texels();
+                (Some(grid), Some(transform), texels)
+            }
+            Domain::Plane(plane, _) => {
+                if *grid != [plane.columns(), plane.rows()] {
+                    let expected = format!("the {} x {} texels of the screen", plane.columns(), plane.rows());
+                    return Err(Error::invalid(open.place, format!("a grid of {} x {}", grid[0], grid[1]), expected));
+                }
+                let basis = |wavelet: &str| plane.transform(wavelet.parse()?);
+                let transform = (wavelet != TEXELS).then(|| basis(wavelet)).transpose().map_err(named)?;
+                (None, transform, plane.len())
+            }
+        };
+        let layout = Layout { width, height, elements: texels };
         let pixels = layout.rows() * layout.columns() * BLOCK_PIXELS;
         let range = open.array(offsets, unsigned(8), &[pixels + 1], 8)?;
         let mut scratch = Scratch::default();
         let last = open.store.get(range.end - 8, 8, &mut scratch)?;
         let terms = u64::from_le_bytes(std::array::from_fn(|n| last[n]));
         let count = usize::try_from(terms).unwrap_or(usize::MAX);
-        let bytes = location_bytes(grid.texels());
+        let bytes = location_bytes(texels);
         Ok(Some(Self {
             store: Arc::clone(open.store),
             layout,
@@ -146,14 +167,14 @@ impl Sparse {
         self.store.path()
     }
 
-    /// The grid that light is projected onto, by linear interpolation.
-    pub fn grid(&self) -> &StageGrid {
-        &self.grid
+    /// The grid that light is projected onto, by linear interpolation; none on a screen, whose texels are the grid.
+    pub fn grid(&self) -> Option<&StageGrid> {
+        self.grid.as_ref()
     }
 
-    /// The transform of functions on the grid.
-    pub fn transform(&self) -> &Transform {
-        &self.transform
+    /// The transform of functions on the grid; none where terms are texels.
+    pub fn transform(&self) -> Option<&Transform> {
+        self.transform.as_ref()
     }
 
     /// Terms of all pixels together.
@@ -172,7 +193,9 @@ impl Sparse {
     /// When there is not one weight a texel.
     pub fn transformed(&self, weights: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let mut table = weights.to_vec();
-        self.transform.inverse_adjoint(table.as_flattened_mut(), CHANNELS);
+        if let Some(transform) = &self.transform {
+            transform.inverse_adjoint(table.as_flattened_mut(), CHANNELS);
+        }
         table
     }
 
@@ -247,7 +270,9 @@ impl Sparse {
             let place = &mut function[*location as usize];
             place.iter_mut().zip(rgb).for_each(|(value, c)| *value += c.to_f32() * self.scale);
         }
-        self.transform.inverse(function.as_flattened_mut(), CHANNELS);
+        if let Some(transform) = &self.transform {
+            transform.inverse(function.as_flattened_mut(), CHANNELS);
+        }
         Ok(function)
     }
 }

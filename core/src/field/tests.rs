@@ -38,7 +38,7 @@ impl Bands for Formula {
 fn contents(precision: Precision, width: usize, height: usize) -> Contents {
     Contents {
         colour_space: Default::default(),
-        domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()]).unwrap(),
+        domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()]).unwrap().into(),
         irradiance: vec![1.0, 2.0, std::f32::consts::PI],
         width,
         height,
@@ -69,11 +69,14 @@ fn what_was_written_is_read_back() {
         for access in [Access::Mapped, Access::Read] {
             let asset = Asset::open(&path, access).unwrap();
             asset.verify(&mut no_progress).unwrap();
-            assert_eq!((asset.width(), asset.height(), asset.domain().len()), (37, 21, 3));
+            assert_eq!((asset.width(), asset.height(), asset.directions().unwrap().len()), (37, 21, 3));
             assert_eq!(asset.manifest().irradiance(), contents(precision, 37, 21).irradiance);
             assert_eq!(asset.ambient(), contents(precision, 37, 21).ambient.as_ref());
             assert_eq!(asset.alpha(), contents(precision, 37, 21).alpha.as_deref());
-            assert_eq!(asset.domain().coverage(), contents(precision, 37, 21).domain.coverage());
+            assert_eq!(
+                asset.directions().unwrap().coverage(),
+                contents(precision, 37, 21).domain.directions().unwrap().coverage()
+            );
             let mut buffer = BlockBuffer::default();
             for (x, y, c, lamp) in [(0, 0, 0, 0), (36, 20, 2, 2), (17, 9, 1, 1), (15, 7, 0, 2), (16, 8, 2, 0)] {
                 let block = asset.dense().unwrap().block(x / 16, y / 8, c, &mut buffer).unwrap();
@@ -227,7 +230,7 @@ fn hostile_containers_get_a_sentence() {
         ("no manifest.json", Box::new(|name, bytes| (name.replace("manifest.json", "manifest.txt"), bytes))),
         ("no such entry", Box::new(|name, bytes| (name.replace("dense", "dens"), bytes))),
         ("no such entry", Box::new(|name, bytes| (name.replace("layers/alpha.npy", ""), bytes))),
-        ("container version 3.0", Box::new(manifest("\"version\": [\n    2,", "\"version\": [\n    3,"))),
+        ("container version 3.1", Box::new(manifest("\"version\": [\n    2,", "\"version\": [\n    3,"))),
         ("no representation", Box::new(manifest_without_representations)),
         ("format `other`", Box::new(manifest("\"relume.rfield\"", "\"other\""))),
         ("picture of 0", Box::new(manifest("\"width\": 37", "\"width\": 0"))),

@@ -13,12 +13,15 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
-use super::manifest::{Domain, FORMAT, Manifest, Precision, Representation, VERSION};
+use super::manifest::{self, FORMAT, Manifest, Precision, Representation, VERSION};
 use super::npy;
-use crate::domain::Directions;
+use super::sparse::TEXELS;
+use super::terms::{COEFFICIENTS, LOCATIONS, OFFSETS, Term, TermArrays};
+use crate::domain::Domain;
 use crate::error::{Error, Result};
 use crate::files::write_whole;
 use crate::image::{ColourSpace, Conversion, Image, encode_png8};
+use crate::wavelet::{Transform, Wavelet};
 
 /// `T` is asked for in pieces of about this many bytes (as f32).
 const PIECE_BYTES: usize = 64 << 20;
@@ -28,9 +31,9 @@ const HALF_CEILING: f32 = 16384.0;
 /// What goes into a container beside `T`.
 #[derive(Debug, Clone)]
 pub struct Contents {
-    /// The lamps.
-    pub domain: Directions,
-    /// E_j: the irradiance that lamp j gave a patch facing it. T_j = photo_j / E_j.
+    /// The lamps or texels.
+    pub domain: Domain,
+    /// E_j: the irradiance that lamp j gave a patch facing it. T_j = photo_j / E_j. None of a screen.
     pub irradiance: Vec<f32>,
     /// Columns of the pictures.
     pub width: usize,
@@ -40,7 +43,7 @@ pub struct Contents {
     pub colour_space: ColourSpace,
     /// How `T` is stored.
     pub precision: Precision,
-    /// The largest |T| there can be; it sets the scale of halves.
+    /// The largest |T| (coefficient, of wavelets) there can be; it sets the scale of halves.
     pub largest: f32,
     /// `S`: the black photograph, 3 channels.
     pub ambient: Option<Image>,
@@ -60,38 +63,209 @@ pub trait Bands {
     fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()>;
 }
 
-/// Writes a container, whole or not at all. Memory: about 100 MB and one row of the picture, however large the field.
+/// A source of terms, one block after another: rows of blocks from the top, in a row from the left.
+pub trait TermBands {
+    /// The terms of the pixels of a block; `block` comes empty. Pixels past the edges of the picture have none.
+    ///
+    /// # Errors
+    /// Whatever the source meets; [`Error::Cancelled`] to stop.
+    fn fill(&mut self, bx: usize, by: usize, block: &mut BlockTerms) -> Result<()>;
+}
+
+/// Terms of the pixels of a block.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockTerms {
+    /// How many each pixel has, `[8][16]`.
+    pub counts: [u32; BLOCK_PIXELS],
+    /// Locations, pixel after pixel.
+    pub locations: Vec<u32>,
+    /// RGB, one triple a location.
+    pub coefficients: Vec<[f32; CHANNELS]>,
+}
+
+impl Default for BlockTerms {
+    fn default() -> Self {
+        Self { counts: [0; BLOCK_PIXELS], locations: Vec::new(), coefficients: Vec::new() }
+    }
+}
+
+/// What terms on a screen are of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TermBasis {
+    /// Synthesis functions of a wavelet in the constant-energy normalisation.
+    Wavelet(Wavelet),
+    /// Texels.
+    Texels,
+}
+
+/// Writes a container of samples, whole or not at all. Memory: about 100 MB and one row of the picture, however large the field.
 ///
 /// # Errors
 /// Folder absent or full; layers of another size; NaN, or numbers beyond [`Contents::largest`]; what the source returns.
 pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<()> {
-    let layout = Layout { width: contents.width, height: contents.height, elements: contents.domain.len() };
-    if contents.irradiance.len() != layout.elements {
-        let found = format!("{} irradiances", contents.irradiance.len());
-        return Err(Error::invalid("field", found, format!("{}, one a lamp", layout.elements)));
+    let layout = layout(contents, contents.domain.len());
+    assemble(path, contents, |out| {
+        let (array, precision) = ("transport/dense.npy", contents.precision);
+        let scale = if precision == Precision::Float { 1.0 } else { power_of_two_for(contents.largest) };
+        let even = vec![1.0 / layout.elements as f32; layout.elements];
+        let preview = out.dense(array, &Pictures { layout, precision, scale, shown_by: &even }, bands)?;
+        let basis = if contents.domain.plane().is_some() { "texels" } else { "lamps" }.to_owned();
+        Ok((Representation::Dense { array: array.to_owned(), basis, precision, scale }, preview))
+    })
+}
+
+/// Writes a container of pictures under wavelets that a screen showed, at these locations, as [`write`]: `C_j = T s_j` where
+/// the others have `T_j`. Halves.
+///
+/// # Errors
+/// As [`write`]; a domain that is no screen; a wavelet that cannot be mirrored.
+pub fn write_explicit(
+    path: &Path,
+    contents: &Contents,
+    (wavelet, locations): (Wavelet, &[u32]),
+    bands: &mut dyn Bands,
+) -> Result<()> {
+    let layout = layout(contents, locations.len());
+    let transform = on_screen(contents, wavelet)?;
+    assemble(path, contents, |out| {
+        let (array, of_places) = ("transport/explicit.npy", "transport/explicit-locations.npy");
+        let scale = power_of_two_for(contents.largest);
+        let mut white = vec![1.0; contents.domain.len()];
+        transform.forward(&mut white, 1);
+        let shown_by: Vec<f32> = locations.iter().map(|&location| white[location as usize]).collect();
+        let precision = Precision::Half;
+        let preview = out.dense(array, &Pictures { layout, precision, scale, shown_by: &shown_by }, bands)?;
+        let mut bytes = npy::header("<u4", &[locations.len()]);
+        bytes.extend(locations.iter().flat_map(|location| location.to_le_bytes()));
+        out.entry(of_places, &bytes)?;
+        let (wavelet, functions) = (wavelet.id().to_owned(), locations.len());
+        let (array, locations) = (array.to_owned(), of_places.to_owned());
+        Ok((Representation::Explicit { array, wavelet, locations, functions, scale }, preview))
+    })
+}
+
+/// Writes a container of terms on a screen, each pixel its own: `T_p = sum of c_k s_k`. As [`write`]; halves, and temporary
+/// files beside the container, as large as it.
+///
+/// # Errors
+/// As [`write_explicit`]; locations beyond the screen.
+pub fn write_terms(
+    path: &Path,
+    contents: &Contents,
+    (basis, most_terms): (TermBasis, Option<usize>),
+    bands: &mut dyn TermBands,
+) -> Result<()> {
+    let layout = layout(contents, contents.domain.len());
+    let Some(plane) = contents.domain.plane() else { return Err(no_screen()) };
+    let mut white = vec![1.0; plane.len()];
+    let wavelet = match basis {
+        TermBasis::Texels => TEXELS,
+        TermBasis::Wavelet(wavelet) => {
+            on_screen(contents, wavelet)?.inverse_adjoint(&mut white, 1);
+            wavelet.id()
+        }
+    };
+    assemble(path, contents, |out| {
+        let scale = power_of_two_for(contents.largest);
+        let mut arrays = TermArrays::beside(path, layout)?;
+        let (mut preview, mut block) = (Image::new(layout.width, layout.height, CHANNELS), BlockTerms::default());
+        for (by, bx) in (0..layout.rows()).flat_map(|by| (0..layout.columns()).map(move |bx| (by, bx))) {
+            block.counts.fill(0);
+            block.locations.clear();
+            block.coefficients.clear();
+            bands.fill(bx, by, &mut block)?;
+            arrays.push(&block.counts, &in_halves(&block, layout, scale)?)?;
+            add_lit(&block, &white, (bx, by), &mut preview);
+        }
+        arrays.write(out)?;
+        let representation = Representation::Wavelet {
+            wavelet: wavelet.to_owned(),
+            grid: [plane.columns(), plane.rows()],
+            reconstruction: None,
+            offsets: OFFSETS.to_owned(),
+            locations: LOCATIONS.to_owned(),
+            coefficients: COEFFICIENTS.to_owned(),
+            scale,
+            most_terms,
+            loss: None,
+        };
+        Ok((representation, preview))
+    })
+}
+
+fn layout(contents: &Contents, elements: usize) -> Layout {
+    Layout { width: contents.width, height: contents.height, elements }
+}
+
+fn no_screen() -> Error {
+    Error::invalid("field", "wavelets that a screen showed, in a field of lamps", "a field of a screen")
+}
+
+fn on_screen(contents: &Contents, wavelet: Wavelet) -> Result<Transform> {
+    contents.domain.plane().ok_or_else(no_screen)?.transform(wavelet)
+}
+
+/// Rounds the terms of a block.
+fn in_halves(block: &BlockTerms, layout: Layout, scale: f32) -> Result<Vec<Term>> {
+    let counted: usize = block.counts.iter().map(|count| *count as usize).sum();
+    if counted != block.locations.len() || counted != block.coefficients.len() {
+        let found = format!("{counted} terms counted, {} places", block.locations.len());
+        return Err(Error::invalid("field", found, "one place and one colour a term"));
     }
-    let pixels = layout.width * layout.height;
-    let ambient_fits =
-        contents.ambient.as_ref().is_none_or(|s| s.size() == (layout.width, layout.height) && s.channels() == 3);
-    let alpha_fits = contents.alpha.as_ref().is_none_or(|alpha| alpha.len() == pixels);
-    if pixels == 0 || !ambient_fits || !alpha_fits {
-        let expected = format!("{} x {} pixels, as the field, and at least one", layout.width, layout.height);
+    if let Some(beyond) = block.locations.iter().find(|location| **location as usize >= layout.elements) {
+        let expected = format!("locations below {}", layout.elements);
+        return Err(Error::invalid("field", format!("a term at location {beyond}"), expected));
+    }
+    let half = |c: f32| f16::from_f32(c / scale);
+    Ok(block.locations.iter().zip(&block.coefficients).map(|(at, rgb)| (*at, rgb.map(half))).collect())
+}
+
+/// Adds a block under the white screen to the picture.
+fn add_lit(block: &BlockTerms, white: &[f32], (bx, by): (usize, usize), picture: &mut Image) {
+    let (w, h) = picture.size();
+    let mut terms = block.locations.iter().zip(&block.coefficients);
+    for (k, count) in block.counts.iter().enumerate() {
+        let mut sum = [0.0; CHANNELS];
+        for (location, rgb) in terms.by_ref().take(*count as usize) {
+            sum.iter_mut().zip(rgb).for_each(|(sum, c)| *sum += c * white[*location as usize]);
+        }
+        let (x, y) = (bx * BLOCK_WIDTH + k % BLOCK_WIDTH, by * BLOCK_HEIGHT + k / BLOCK_WIDTH);
+        if x < w && y < h {
+            picture.pixel_mut(x, y).copy_from_slice(&sum);
+        }
+    }
+}
+
+/// What all containers have in common; `transport` writes the arrays, and makes the preview.
+fn assemble(
+    path: &Path,
+    contents: &Contents,
+    transport: impl FnOnce(&mut Entries<'_>) -> Result<(Representation, Image)>,
+) -> Result<()> {
+    let (width, height) = (contents.width, contents.height);
+    let lamps = contents.domain.directions().map_or(0, |lamps| lamps.len());
+    if contents.irradiance.len() != lamps {
+        let found = format!("{} irradiances", contents.irradiance.len());
+        return Err(Error::invalid("field", found, format!("{lamps}, one a lamp")));
+    }
+    let ambient_fits = contents.ambient.as_ref().is_none_or(|s| s.size() == (width, height) && s.channels() == 3);
+    let alpha_fits = contents.alpha.as_ref().is_none_or(|alpha| alpha.len() == width * height);
+    if width * height == 0 || !ambient_fits || !alpha_fits {
+        let expected = format!("{width} x {height} pixels, as the field, and at least one");
         return Err(Error::invalid("field", "layers of another size, or no pixels", expected));
     }
     write_whole(path, |file| {
         let mut out = Entries { zip: ManuallyDrop::new(ZipWriter::new(file)), path, blake3: BTreeMap::new() };
-        let scale = scale_for(contents);
-        let preview = out.dense("transport/dense.npy", contents, layout, scale, bands)?;
+        let (representation, mut preview) = transport(&mut out)?;
         let mut layers = BTreeMap::new();
         if let Some(ambient) = &contents.ambient {
-            out.floats("layers/ambient.npy", &[layout.height, layout.width, CHANNELS], ambient.data())?;
+            out.floats("layers/ambient.npy", &[height, width, CHANNELS], ambient.data())?;
             layers.insert("ambient".to_owned(), "layers/ambient.npy".to_owned());
         }
         if let Some(alpha) = &contents.alpha {
-            out.floats("layers/alpha.npy", &[layout.height, layout.width], alpha)?;
+            out.floats("layers/alpha.npy", &[height, width], alpha)?;
             layers.insert("alpha".to_owned(), "layers/alpha.npy".to_owned());
         }
-        let mut preview = preview;
         // sRGB has the primaries of Rec. 709.
         preview.convert(&Conversion::between(contents.colour_space, ColourSpace::LinRec709));
         out.entry("preview.png", &encode_png8(&exposed(preview))?)?;
@@ -100,20 +274,10 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
             version: VERSION,
             tool: concat!("relume ", env!("CARGO_PKG_VERSION")).to_owned(),
             colour_space: contents.colour_space.id().to_owned(),
-            width: layout.width,
-            height: layout.height,
-            domain: Domain::Directions {
-                axis: contents.domain.axis(),
-                coverage: contents.domain.coverage(),
-                directions: contents.domain.lamps().iter().map(|d| [d.x, d.y, d.z]).collect(),
-                irradiance: contents.irradiance.clone(),
-            },
-            representations: vec![Representation::Dense {
-                array: "transport/dense.npy".to_owned(),
-                basis: "lamps".to_owned(),
-                precision: contents.precision,
-                scale,
-            }],
+            width,
+            height,
+            domain: described(contents),
+            representations: vec![representation],
             layers,
             provenance: contents.provenance.clone(),
             blake3: std::mem::take(&mut out.blake3),
@@ -124,9 +288,21 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
     })
 }
 
-/// The scale of the samples; 1 for floats.
-fn scale_for(contents: &Contents) -> f32 {
-    if contents.precision == Precision::Float { 1.0 } else { power_of_two_for(contents.largest) }
+/// The domain as the manifest has it.
+fn described(contents: &Contents) -> manifest::Domain {
+    match &contents.domain {
+        Domain::Directions(lamps) => manifest::Domain::Directions {
+            axis: lamps.axis(),
+            coverage: lamps.coverage(),
+            directions: lamps.lamps().iter().map(|d| [d.x, d.y, d.z]).collect(),
+            irradiance: contents.irradiance.clone(),
+        },
+        Domain::Plane(plane, correspondence) => manifest::Domain::Plane {
+            columns: plane.columns(),
+            rows: plane.rows(),
+            correspondence: correspondence.clone(),
+        },
+    }
 }
 
 /// The power of two that brings the largest number just below [`HALF_CEILING`]; 1 where there is none.
@@ -208,18 +384,12 @@ impl Entries<'_> {
         self.entry("manifest.json", &text)
     }
 
-    /// Streams `T`; returns the mean over its elements, a picture lit from everywhere.
-    fn dense(
-        &mut self,
-        name: &str,
-        contents: &Contents,
-        layout: Layout,
-        scale: f32,
-        bands: &mut dyn Bands,
-    ) -> Result<Image> {
+    /// Streams `T`; returns the picture that the preview shows.
+    fn dense(&mut self, name: &str, pictures: &Pictures<'_>, bands: &mut dyn Bands) -> Result<Image> {
+        let Pictures { layout, precision, scale, .. } = *pictures;
         self.start(name)?;
         let mut hasher = blake3::Hasher::new();
-        self.append(&npy::header(contents.precision.descr(), &layout.shape()), &mut hasher)?;
+        self.append(&npy::header(precision.descr(), &layout.shape()), &mut hasher)?;
         let mut preview = Image::new(layout.width, layout.height, CHANNELS);
         let block = CHANNELS * layout.block_len();
         let run = (PIECE_BYTES / (block * size_of::<f32>())).clamp(1, layout.columns());
@@ -230,14 +400,23 @@ impl Entries<'_> {
                 piece.clear();
                 piece.resize(columns.len() * block, 0.0f32);
                 bands.fill(by, columns.clone(), &mut piece)?;
-                encode(&piece, contents.precision, scale, &mut bytes)?;
+                encode(&piece, precision, scale, &mut bytes)?;
                 self.append(&bytes, &mut hasher)?;
-                add_means(&piece, layout, by, columns.start, &mut preview);
+                add_weighted(&piece, pictures, (columns.start, by), &mut preview);
             }
         }
         self.end(name, &hasher);
         Ok(preview)
     }
+}
+
+/// An array of pictures in blocks.
+struct Pictures<'a> {
+    layout: Layout,
+    precision: Precision,
+    scale: f32,
+    /// The weight of each in the preview.
+    shown_by: &'a [f32],
 }
 
 /// Rounds numbers to their stored form, little-endian.
@@ -266,19 +445,19 @@ fn encode(piece: &[f32], precision: Precision, scale: f32, bytes: &mut Vec<u8>) 
     }
 }
 
-/// Adds each block's mean over its elements to the picture.
-fn add_means(piece: &[f32], layout: Layout, by: usize, first: usize, picture: &mut Image) {
+/// Adds each block's weighted sum over its elements to the picture.
+fn add_weighted(piece: &[f32], pictures: &Pictures<'_>, (first, by): (usize, usize), picture: &mut Image) {
     let (w, h) = picture.size();
-    for (n, block) in piece.chunks_exact(layout.block_len()).enumerate() {
+    for (n, block) in piece.chunks_exact(pictures.layout.block_len()).enumerate() {
         let (bx, c) = (first + n / CHANNELS, n % CHANNELS);
         let mut sums = [0.0f32; BLOCK_PIXELS];
-        for element in block.chunks_exact(BLOCK_PIXELS) {
-            sums.iter_mut().zip(element).for_each(|(sum, t)| *sum += t);
+        for (element, weight) in block.chunks_exact(BLOCK_PIXELS).zip(pictures.shown_by) {
+            sums.iter_mut().zip(element).for_each(|(sum, t)| *sum += t * weight);
         }
         for (k, sum) in sums.iter().enumerate() {
             let (x, y) = (bx * BLOCK_WIDTH + k % BLOCK_WIDTH, by * BLOCK_HEIGHT + k / BLOCK_WIDTH);
             if x < w && y < h {
-                picture.pixel_mut(x, y)[c] = sum / layout.elements as f32;
+                picture.pixel_mut(x, y)[c] = *sum;
             }
         }
     }

@@ -14,11 +14,14 @@
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
 //! | `choice` | which of an asset's representations is used |
-//! | `relighter` | an asset and its projections |
+//! | `element` | `T L + g S` by whichever representation |
+//! | `relighter` | an asset of lamps and its projections |
+//! | `screen` | an asset of a screen |
 //! | `layers` | pictures that no light makes: coverage, normals, albedo, ambient |
 
 mod apply;
 mod choice;
+mod element;
 mod factored;
 pub mod kernels;
 mod layers;
@@ -26,6 +29,7 @@ mod look;
 mod prepare;
 mod projections;
 mod relighter;
+mod screen;
 mod sparse;
 mod strips;
 
@@ -37,6 +41,7 @@ pub use layers::{Layer, displayed_normals};
 pub use look::Look;
 pub use prepare::prepared;
 pub use relighter::{Light, Relighter, WIDEST_MAP};
+pub use screen::ScreenRelighter;
 
 /// Weights of every lamp, RGB, for one picture: solid angle, exposure and colour of the light included.
 #[derive(Debug, Clone, PartialEq)]

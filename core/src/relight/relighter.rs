@@ -1,14 +1,11 @@
 //! An asset and its cached projections.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
-use super::apply::apply_dense;
-use super::choice::{absent, choose};
-use super::factored::apply_factored;
+use super::choice::choose;
 use super::projections::Projections;
-use super::sparse::apply_sparse;
-use super::strips::Target;
-use super::{Look, Weights, prepared};
+use super::{Look, Weights, element, prepared};
+use crate::domain::Directions;
 use crate::error::{Error, Result};
 use crate::field::{Asset, Kind};
 use crate::illumination::{Beam, EnvMap};
@@ -33,10 +30,11 @@ pub enum Light<'a> {
     Lamp(usize),
 }
 
-/// An asset with what relighting keeps between frames. Share it behind an `Arc`; all methods take `&self`.
+/// An asset of lamps with what relighting keeps between frames. Share it behind an `Arc`; all methods take `&self`.
 #[derive(Debug)]
 pub struct Relighter {
     asset: Asset,
+    lamps: Arc<Directions>,
     projections: Projections,
     /// Onto the texels of the grid that wavelets live on, built when they light.
     on_grid: OnceLock<Projections>,
@@ -47,19 +45,22 @@ const ON_GRID: Method = Method::Wavelet(Wavelet::LeGall53);
 
 impl Relighter {
     /// Takes an open asset.
-    pub fn new(asset: Asset) -> Self {
-        let projections = Projections::new(asset.domain().clone());
-        Self { asset, projections, on_grid: OnceLock::new() }
+    ///
+    /// # Errors
+    /// A field of a screen; see [`ScreenRelighter`](super::ScreenRelighter).
+    pub fn new(asset: Asset) -> Result<Self> {
+        let lamps = asset.directions()?.clone();
+        Ok(Self { asset, projections: Projections::new(lamps.clone()), lamps, on_grid: OnceLock::new() })
     }
 
     /// Takes an open asset and leaves some lamps (numbers from 1) out: the reconstruction works around them. A left-out
     /// lamp can still be lit by itself.
     ///
     /// # Errors
-    /// A number that no lamp has; no lamp left.
+    /// A number that no lamp has; no lamp left; a field of a screen.
     pub fn without(asset: Asset, excluded: &[usize]) -> Result<Self> {
-        let projections = Projections::without(asset.domain(), excluded)?;
-        Ok(Self { asset, projections, on_grid: OnceLock::new() })
+        let lamps = asset.directions()?.clone();
+        Ok(Self { projections: Projections::without(&lamps, excluded)?, asset, lamps, on_grid: OnceLock::new() })
     }
 
     /// The asset.
@@ -92,7 +93,7 @@ impl Relighter {
             // On the grid, a beam from where the lamp stood.
             Light::Lamp(number) if kind == Kind::Wavelet => {
                 let irradiance = self.lamp(number)?.rgb[number - 1].map(f64::from);
-                let beam = Beam { direction: self.asset.domain().lamps()[number - 1], irradiance };
+                let beam = Beam { direction: self.lamps.lamps()[number - 1], irradiance };
                 self.projected_by(kind, look)?.0.beams(&[beam], ON_GRID, Outside::Nearest)?
             }
             Light::Lamp(number) => self.lamp(number)?,
@@ -103,17 +104,18 @@ impl Relighter {
 
     /// No light, for one of the representations that the asset holds.
     pub fn dark(&self, kind: Kind) -> Weights {
-        let grid = self.asset.sparse().filter(|_| kind == Kind::Wavelet);
-        let count = grid.map_or(self.asset.domain().len(), |sparse| sparse.grid().texels());
+        let sparse = self.asset.sparse().filter(|_| kind == Kind::Wavelet);
+        let count = sparse.map_or(self.lamps.len(), |sparse| sparse.layout().elements);
         self.multiplying(kind, vec![[0.0; 3]; count])
     }
 
     /// What projects light for a representation, and by which method.
     fn projected_by(&self, kind: Kind, look: &Look) -> Result<(&Projections, Method)> {
-        let Some(sparse) = self.asset.sparse().filter(|_| kind == Kind::Wavelet) else {
+        let sparse = self.asset.sparse().filter(|_| kind == Kind::Wavelet);
+        let Some(grid) = sparse.and_then(|sparse| sparse.grid()) else {
             return Ok((&self.projections, look.method));
         };
-        let texels = sparse.grid().directions()?;
+        let texels = grid.directions()?;
         Ok((self.on_grid.get_or_init(|| Projections::new(texels.clone())), ON_GRID))
     }
 
@@ -122,7 +124,7 @@ impl Relighter {
         let coefficients = match kind {
             Kind::Harmonics => self.asset.harmonics().map(|harmonics| harmonics.moments(&rgb)),
             Kind::Wavelet => self.asset.sparse().map(|sparse| sparse.transformed(&rgb)),
-            Kind::Dense | Kind::Factored => None,
+            Kind::Dense | Kind::Factored | Kind::Explicit => None,
         };
         Weights { rgb, kind, coefficients }
     }
@@ -171,61 +173,7 @@ impl Relighter {
     /// # Errors
     /// As [`apply`](super::apply).
     pub fn render_many(&self, lights: &[(&Weights, &Look)], window: Window) -> Result<Vec<Image>> {
-        let mut pictures: Vec<Option<Image>> = vec![None; lights.len()];
-        for kind in Kind::ALL {
-            let of_kind: Vec<usize> = (0..lights.len()).filter(|&n| lights[n].0.kind == kind).collect();
-            if of_kind.is_empty() {
-                continue;
-            }
-            let weights: Vec<&Weights> = of_kind.iter().map(|&n| lights[n].0).collect();
-            let finish = |n: usize, y: usize, line: &mut [f32]| self.finish(line, (window.x0, y), lights[of_kind[n]].1);
-            let target = Target { window, channels: 4, finish: &finish };
-            for (n, picture) in of_kind.iter().zip(self.lit(kind, &weights, target)?) {
-                pictures[*n] = Some(picture);
-            }
-        }
-        Ok(pictures.into_iter().flatten().collect())
-    }
-
-    /// `T L` by one representation.
-    fn lit(&self, kind: Kind, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
-        match kind {
-            Kind::Dense => {
-                let dense = self.asset.dense().ok_or_else(|| absent(&self.asset, kind))?;
-                apply_dense(dense, weights, target)
-            }
-            Kind::Harmonics => {
-                let harmonics = self.asset.harmonics().ok_or_else(|| absent(&self.asset, kind))?;
-                apply_dense(harmonics.pictures(), weights, target)
-            }
-            Kind::Factored => {
-                let factored = self.asset.factored().ok_or_else(|| absent(&self.asset, kind))?;
-                apply_factored(factored, weights, target)
-            }
-            Kind::Wavelet => {
-                let sparse = self.asset.sparse().ok_or_else(|| absent(&self.asset, kind))?;
-                apply_sparse(sparse, weights, target)
-            }
-        }
-    }
-
-    /// Adds `g S` and alpha to a row of RGBA from `(x, y)` on, and turns it to the colours asked for.
-    fn finish(&self, line: &mut [f32], (x, y): (usize, usize), look: &Look) {
-        let colours = Conversion::between(self.asset.colour_space(), look.output_space);
-        let first = y * self.asset.width() + x;
-        let pixels = line.as_chunks_mut::<4>().0;
-        if let Some(ambient) = self.asset.ambient().filter(|_| look.ambient != 0.0) {
-            for (pixel, s) in pixels.iter_mut().zip(ambient.data()[3 * first..].as_chunks::<3>().0) {
-                (0..3).for_each(|c| pixel[c] += look.ambient as f32 * s[c]);
-            }
-        }
-        if !colours.is_identity() {
-            pixels.iter_mut().for_each(|[r, g, b, _]| [*r, *g, *b] = colours.apply([*r, *g, *b]));
-        }
-        match self.asset.alpha() {
-            Some(alpha) => pixels.iter_mut().zip(&alpha[first..]).for_each(|(pixel, alpha)| pixel[3] = *alpha),
-            None => pixels.iter_mut().for_each(|pixel| pixel[3] = 1.0),
-        }
+        element::many(&self.asset, lights, window)
     }
 }
 

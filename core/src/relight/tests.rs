@@ -57,7 +57,7 @@ impl Ball {
         lamps.iter().for_each(|lamp| photographs.push(ball(lamp)).unwrap());
         let contents = Contents {
             colour_space,
-            domain: Directions::new(lamps).unwrap(),
+            domain: Directions::new(lamps).unwrap().into(),
             irradiance: (0..n).map(|j| 1.0 + j as f32 / n as f32).collect(),
             width: 40,
             height: 40,
@@ -68,7 +68,7 @@ impl Ball {
             provenance: serde_json::Value::Null,
         };
         write(&path, &contents, &mut photographs).unwrap();
-        let relighter = Relighter::new(Asset::open(&path, Access::Mapped).unwrap());
+        let relighter = Relighter::new(Asset::open(&path, Access::Mapped).unwrap()).unwrap();
         Self { _folder: folder, path, relighter }
     }
 
@@ -153,9 +153,9 @@ fn a_white_furnace_is_white() {
         let look = Look { method, ..Look::default() };
         let weights = scene.relighter.weights(Light::Map(&white), &look).unwrap();
         let total: f64 = weights.rgb.iter().map(|w| f64::from(w[0])).sum();
-        let covered = scene.relighter.asset().domain().covered_solid_angle();
+        let covered = scene.relighter.asset().directions().unwrap().covered_solid_angle();
         assert!((total / covered - 1.0).abs() < 1e-4, "{method:?}: {total} of {covered}");
-        let domain = scene.relighter.asset().domain().clone();
+        let domain = scene.relighter.asset().directions().unwrap().clone();
         let reconstruction = Arc::new(Reconstruction::new(domain, method).unwrap());
         let omega = Operator::new(reconstruction, Outside::Drop, 64, 32).solid_angles();
         assert!(omega.iter().zip(&weights.rgb).all(|(o, w)| (o / f64::from(w[2]) - 1.0).abs() < 1e-4));
@@ -189,7 +189,7 @@ fn windows_threads_access_and_company_change_nothing() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         assert_eq!(pool.install(|| scene.relighter.render(&weights[0], &look, Window::full(40, 40))).unwrap(), whole);
     }
-    let read = Relighter::new(Asset::open(&scene.path, Access::Read).unwrap());
+    let read = Relighter::new(Asset::open(&scene.path, Access::Read).unwrap()).unwrap();
     assert_eq!(read.render(&weights[0], &look, Window::full(40, 40)).unwrap(), whole);
 
     let lights: Vec<(&Weights, &Look)> = weights.iter().map(|w| (w, &look)).collect();

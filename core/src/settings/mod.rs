@@ -179,7 +179,7 @@ pub const AMBIENT: Setting = Setting {
     hint: "How much of the ambient picture (seen with every lamp off) is added.",
     kind: Kind::Number { default: 0.0, hard: (0.0, 1000.0), soft: (0.0, 1.0) },
 };
-/// One of [`FieldKind::ALL`], or the best.
+/// One of [`FieldKind::OF_LAMPS`], or the best.
 pub const REPRESENTATION: Setting = Setting {
     id: "representation",
     label: "Representation",
@@ -259,7 +259,7 @@ pub const RELIGHT: &[Setting] = &[
 
 /// The kind of an option of [`REPRESENTATION`]; `None` is automatic.
 pub fn representation(option: usize) -> Option<FieldKind> {
-    FieldKind::ALL.get(option.checked_sub(1)?).copied()
+    FieldKind::OF_LAMPS.get(option.checked_sub(1)?).copied()
 }
 
 /// The method of an option of [`RECONSTRUCTION`].

@@ -36,7 +36,7 @@ fn photograph(path: &Path) {
     let contents = Contents {
         colour_space: Default::default(),
         irradiance: (0..domain.len()).map(|j| 1.0 + j as f32 / 100.0).collect(),
-        domain,
+        domain: domain.into(),
         width,
         height,
         precision: Precision::Half,
@@ -102,7 +102,7 @@ fn the_error_of_a_pixel_bounds_its_pictures() {
     for (kind, scheme) in schemes {
         let path = folder.path().join("compact.rfield");
         compress(&source, &path, &scheme, &[Kind::Dense], &mut |_, _, _| Ok(())).unwrap();
-        let relighter = Relighter::new(Asset::open(&path, Access::Mapped).unwrap());
+        let relighter = Relighter::new(Asset::open(&path, Access::Mapped).unwrap()).unwrap();
         let errors = relighter.asset().errors(kind).unwrap().unwrap();
         let exact = Look { representation: Some(Kind::Dense), outside: Outside::Nearest, ..Look::default() };
         let compact = Look { representation: Some(kind), ..exact };
@@ -160,7 +160,7 @@ fn soft_light_is_what_harmonics_are_for() {
     let source = Asset::open(&still_life(folder.path()), Access::Mapped).unwrap();
     let path = folder.path().join("compact.rfield");
     compress(&source, &path, &Scheme::Harmonics { functions: 225 }, &[Kind::Dense], &mut |_, _, _| Ok(())).unwrap();
-    let relighter = Relighter::new(Asset::open(&path, Access::Mapped).unwrap());
+    let relighter = Relighter::new(Asset::open(&path, Access::Mapped).unwrap()).unwrap();
     let map = EnvMap::from_fn(64, 32, |d| [0.6 + 0.4 * d.y as f32, 0.5 + 0.5 * d.x as f32, 0.5]);
     let (_, reference) = lit(&relighter, Light::Map(&map), &Look::default());
     let (_, picture) =
@@ -181,7 +181,7 @@ fn an_asset_holds_several_and_is_told_which_to_use() {
     let open = |path: &Path| Asset::open(path, Access::Mapped).unwrap();
     compress(&open(&source), &both, &scheme, &[Kind::Dense], &mut |_, _, _| Ok(())).unwrap();
     compress(&open(&both), &alone, &scheme, &[], &mut |_, _, _| Ok(())).unwrap();
-    let (both, alone) = (Relighter::new(open(&both)), Relighter::new(open(&alone)));
+    let (both, alone) = (Relighter::new(open(&both)).unwrap(), Relighter::new(open(&alone)).unwrap());
     assert_eq!(both.choose(None, false).unwrap(), Kind::Dense);
     assert_eq!(both.choose(Some(Kind::Harmonics), true).unwrap(), Kind::Harmonics);
     for captured_lamp in [false, true] {

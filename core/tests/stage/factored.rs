@@ -104,7 +104,7 @@ fn it_relights_as_its_decoded_samples_do() {
     let samples = pair.factored.samples().unwrap();
     assert_eq!(samples.kind(), Kind::Factored);
     let all = numbers(samples);
-    let lamps = pair.factored.domain().len();
+    let lamps = pair.factored.directions().unwrap().len();
     let weights: Vec<Weights> = (0..6).map(|seed| random_weights(lamps, seed)).collect();
     let full = Window::full(SIZE.0, SIZE.1);
     let alone: Vec<Image> = weights.iter().map(|w| apply(samples, &[w], full).unwrap().remove(0)).collect();
@@ -180,7 +180,7 @@ fn black_tiles_have_rank_0_and_stay_black() {
     // The still life stands on a round table; the corners of the picture show nothing.
     assert_eq!(factored.ranks()[0], 0);
     let window = Window { x0: 0, y0: 0, x1: 16, y1: 8 };
-    let weights = random_weights(pair.samples.domain().len(), 1);
+    let weights = random_weights(pair.samples.directions().unwrap().len(), 1);
     let picture = apply(Samples::Factored(factored), &[&weights], window).unwrap().remove(0);
     assert!(picture.data().iter().all(|v| *v == 0.0));
     assert!(factored.ranks().iter().any(|&rank| rank > 20));
@@ -237,7 +237,7 @@ fn tiles_are_as_large_as_functions_are_alike() {
         let contents = Contents {
             colour_space: Default::default(),
             irradiance: vec![1.0; domain.len()],
-            domain: domain.clone(),
+            domain: domain.clone().into(),
             width: 128,
             height: 128,
             precision: Precision::Half,
@@ -277,12 +277,12 @@ fn files_that_lie_are_refused_with_a_sentence() {
         std::fs::write(&bad, file).unwrap();
         Asset::open(&bad, Access::Mapped)
     };
-    let most = pair.factored.domain().len() as u32;
+    let most = pair.factored.directions().unwrap().len() as u32;
     for (rank, what) in [(u32::MAX, "rank 4294967295"), (most + 1, "at most 320"), (1, "factored-left.npy")] {
         let message = changed(ranks, &rank.to_le_bytes()).unwrap_err().to_string();
         assert!(message.contains(what) && message.contains("bad.rfield"), "{message}");
     }
-    let weights = random_weights(pair.samples.domain().len(), 1);
+    let weights = random_weights(pair.samples.directions().unwrap().len(), 1);
     for at in [left, right] {
         let asset = changed(at, &0x7e00u16.to_le_bytes()).unwrap();
         let samples = asset.samples().unwrap();

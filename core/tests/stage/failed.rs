@@ -41,7 +41,7 @@ fn asset(lamps: &Directions, dim: &[(usize, f32)], folder: &Path) -> Asset {
     let stage = Stage::new(&scene, camera, lamps, quality);
     let contents = Contents {
         colour_space: Default::default(),
-        domain: lamps.clone(),
+        domain: lamps.clone().into(),
         irradiance: vec![std::f32::consts::PI; lamps.len()],
         width: 64,
         height: 48,

@@ -29,7 +29,7 @@ fn photograph(scene: &Scene, lamps: &Directions, path: &Path) -> Asset {
     let stage = Stage::new(scene, CAMERA, lamps, quality());
     let contents = Contents {
         colour_space: Default::default(),
-        domain: lamps.clone(),
+        domain: lamps.clone().into(),
         irradiance: vec![std::f32::consts::PI; lamps.len()],
         width: CAMERA.width,
         height: CAMERA.height,
@@ -58,7 +58,7 @@ fn truth(x: usize, y: usize) -> Option<Vec3> {
 
 /// All of a pixel's answers, mean over the channels.
 fn answers(asset: &Asset, x: usize, y: usize) -> Vec<f64> {
-    let mut sums = vec![0.0; asset.domain().len()];
+    let mut sums = vec![0.0; asset.directions().unwrap().len()];
     for c in 0..3 {
         let mut buffer = BlockBuffer::default();
         let block = asset.dense().unwrap().block(x / 16, y / 8, c, &mut buffer).unwrap();
@@ -77,7 +77,7 @@ fn answers(asset: &Asset, x: usize, y: usize) -> Vec<f64> {
 /// The normal by least squares over every lamp that answers at all.
 fn plain(asset: &Asset, x: usize, y: usize) -> Vec3 {
     let (mut a, mut b) = (nalgebra::Matrix3::zeros(), Vec3::zeros());
-    for (l, t) in asset.domain().lamps().iter().zip(answers(asset, x, y)).filter(|(_, t)| *t > 0.0) {
+    for (l, t) in asset.directions().unwrap().lamps().iter().zip(answers(asset, x, y)).filter(|(_, t)| *t > 0.0) {
         a += l * l.transpose();
         b += l * t;
     }

@@ -74,7 +74,7 @@ impl Plan {
             size: (asset.width(), asset.height()),
             colour_space: asset.colour_space(),
             half: self.half,
-            parts: self.parts(lamps),
+            parts: self.parts(lamps)?,
         };
         let alpha = |pixels: &[f32]| {
             let width = asset.width();
@@ -104,7 +104,7 @@ impl Plan {
     }
 
     /// A part a lamp, then ambient and alpha.
-    fn parts(&self, lamps: usize) -> Vec<NewPart> {
+    fn parts(&self, lamps: usize) -> relume_core::Result<Vec<NewPart>> {
         let lamp = |(n, (d, e)): (usize, (&relume_core::math::Vec3, &f32))| NewPart {
             name: name(n, lamps),
             grey: false,
@@ -112,10 +112,10 @@ impl Plan {
             irradiance: Some(*e),
         };
         let layer = |name: &str, grey: bool| NewPart { name: name.to_owned(), grey, direction: None, irradiance: None };
-        let told = self.asset.domain().lamps().iter().zip(self.asset.manifest().irradiance());
+        let told = self.asset.directions()?.lamps().iter().zip(self.asset.manifest().irradiance());
         let mut parts: Vec<NewPart> = told.enumerate().map(lamp).collect();
         parts.extend(self.asset.ambient().map(|_| layer("ambient", false)));
         parts.extend(self.asset.alpha().map(|_| layer("alpha", true)));
-        parts
+        Ok(parts)
     }
 }

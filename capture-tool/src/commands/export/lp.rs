@@ -153,7 +153,7 @@ impl Plan {
     /// Directions and irradiances.
     fn write_lists(&self, folder: &Path, names: &[String]) -> relume_core::Result<()> {
         let photographs = names.iter().map(PathBuf::from).collect();
-        let lights = lp::text(&lp::Lp { photographs, directions: self.asset.domain().lamps().to_vec() });
+        let lights = lp::text(&lp::Lp { photographs, directions: self.asset.directions()?.lamps().to_vec() });
         let row = |(photograph, e): (&String, &f32)| Row {
             photograph: photograph.clone(),
             irradiance: f64::from(*e),

@@ -41,6 +41,7 @@ struct Photographs<'a> {
 
 impl<'a> Photographs<'a> {
     fn new(asset: &'a Asset) -> anyhow::Result<Self> {
+        asset.directions()?;
         let irradiances = asset.manifest().irradiance().to_vec();
         Ok(Self { asset, samples: asset.samples()?, irradiances, first: 0, held: Vec::new() })
     }

@@ -8,7 +8,6 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::wavelets::transform;
 use super::{Element, Series};
 use crate::domain::Plane;
 use crate::error::{Error, Result};
@@ -59,7 +58,7 @@ impl Patterns {
         if plane.len() == 1 {
             return Err(Error::invalid("wavelet noise", "a grid of one texel", "two texels or more"));
         }
-        let transform = transform(noise.wavelet, plane)?;
+        let transform = plane.transform(noise.wavelet)?;
         let tree = transform.tree();
         // The variance of a texel: the sum of w_j^2 ||s_j||^2 over all texels, without the part of the mean.
         let energy = transform

@@ -55,7 +55,7 @@ fn wavelet_patterns_add_up_to_any_light() {
     for (columns, rows) in [(16, 16), (12, 8), (7, 5), (24, 16), (8, 1)] {
         for wavelet in WAVELETS {
             let set = set(Kind::Wavelet(wavelet), columns, rows);
-            let transform = wavelets::transform(wavelet, set.plane()).unwrap();
+            let transform = set.plane().transform(wavelet).unwrap();
             assert_eq!(transform.normalisation(), Normalisation::Energy);
             let light: Vec<f32> = (0..columns * rows).map(|k| ((k * k + 3 * k) % 17) as f32 / 17.0 - 0.2).collect();
             let mut coefficients = light.clone();
@@ -126,7 +126,7 @@ fn noise_has_its_mean_its_deviation_and_its_spectrum() {
         let (columns, rows) = (32, 32);
         // Nothing is clipped at a twentieth of the range.
         let set = set(noise(wavelet, 3, 0.05), columns, rows);
-        let transform = wavelets::transform(wavelet, set.plane()).unwrap();
+        let transform = set.plane().transform(wavelet).unwrap();
         let tree = transform.tree();
         let mut levels = vec![(0.0, 0.0); tree.levels() as usize];
         let mut variance = 0.0;

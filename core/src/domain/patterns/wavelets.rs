@@ -6,8 +6,8 @@
 
 use super::{Element, Series};
 use crate::domain::Plane;
-use crate::error::{Error, Result};
-use crate::wavelet::{Edge, Normalisation, Transform, Tree, Wavelet};
+use crate::error::Result;
+use crate::wavelet::{Transform, Tree, Wavelet};
 
 /// The basis functions of a wavelet on a screen, mirrored at its edges, in the constant-energy normalisation.
 #[derive(Debug, Clone)]
@@ -25,7 +25,7 @@ impl Wavelets {
     /// # Errors
     /// D4 and D8, which cannot be mirrored.
     pub fn new(wavelet: Wavelet, plane: Plane) -> Result<Self> {
-        let transform = transform(wavelet, plane)?;
+        let transform = plane.transform(wavelet)?;
         let tree = transform.tree();
         let mut order: Vec<u32> = (0..plane.len() as u32).collect();
         order.sort_by_cached_key(|&location| {
@@ -137,19 +137,4 @@ impl Series for Shifted {
     fn scale(&self, n: usize) -> f32 {
         self.wavelets.part(self.functions[n].0, false).1
     }
-}
-
-/// The transform of patterns on a screen.
-///
-/// # Errors
-/// D4 and D8.
-pub(super) fn transform(wavelet: Wavelet, plane: Plane) -> Result<Transform> {
-    if !wavelet.is_symmetric() {
-        return Err(Error::Unsupported {
-            place: "patterns on a screen".to_owned(),
-            what: format!("the wavelet `{}`, which cannot be mirrored at the edges,", wavelet.id()),
-            advice: "use haar, 5/3 or 9/7".to_owned(),
-        });
-    }
-    Transform::new(wavelet, plane.size(), (Edge::Mirrored, Edge::Mirrored), Normalisation::Energy)
 }

@@ -88,9 +88,9 @@ fn errors_are_reached_with_hardly_more_terms_than_needed() {
 fn functions_are_those_of_their_pixels() {
     let asset = &car().asset;
     let samples = asset.samples().unwrap();
-    let grid = StageGrid::new(asset.domain(), (16, 4)).unwrap();
-    let functions = Functions::new(samples, asset.domain(), Method::BSpline, grid.clone()).unwrap();
-    let reconstruction = Reconstruction::new(asset.domain().clone(), Method::BSpline).unwrap();
+    let grid = StageGrid::new(asset.directions().unwrap(), (16, 4)).unwrap();
+    let functions = Functions::new(samples, asset.directions().unwrap(), Method::BSpline, grid.clone()).unwrap();
+    let reconstruction = Reconstruction::new(asset.directions().unwrap().clone(), Method::BSpline).unwrap();
     let pixels: Vec<u32> = [(20, 15), (3, 2), (41, 29), (21, 15), (16, 8)].map(|(x, y)| (y * SIZE.0 + x) as u32).into();
     let mut found = vec![Vec::new(); pixels.len()];
     functions.visit(&pixels, |f| f.to_vec(), |n, function| found[n] = function, &mut |_, _| Ok(())).unwrap();
@@ -114,8 +114,8 @@ fn functions_are_those_of_their_pixels() {
 fn at_256_coefficients_haar_is_worst_and_nine_seven_best() {
     let asset = &car().asset;
     let samples = asset.samples().unwrap();
-    let grid = StageGrid::new(asset.domain(), (256, 64)).unwrap();
-    let functions = Functions::new(samples, asset.domain(), Method::BSpline, grid).unwrap();
+    let grid = StageGrid::new(asset.directions().unwrap(), (256, 64)).unwrap();
+    let functions = Functions::new(samples, asset.directions().unwrap(), Method::BSpline, grid).unwrap();
     let codecs = SYMMETRIC.map(|wavelet| Codec::new(wavelet, functions.grid()).unwrap());
     let sweep = Sweep::new(functions.grid(), 90).unwrap();
     let seen = seen(samples, asset.alpha(), &mut |_, _| Ok(())).unwrap();
@@ -143,8 +143,8 @@ fn at_256_coefficients_haar_is_worst_and_nine_seven_best() {
 fn a_column_over_time_is_that_of_its_functions() {
     let asset = &car().asset;
     let samples = asset.samples().unwrap();
-    let grid = StageGrid::new(asset.domain(), (64, 16)).unwrap();
-    let functions = Functions::new(samples, asset.domain(), Method::Linear, grid).unwrap();
+    let grid = StageGrid::new(asset.directions().unwrap(), (64, 16)).unwrap();
+    let functions = Functions::new(samples, asset.directions().unwrap(), Method::Linear, grid).unwrap();
     let codecs = [Codec::new(Wavelet::Daubechies97, functions.grid()).unwrap()];
     let sweep = Sweep::new(functions.grid(), 24).unwrap();
     let budgets = [Budget::Terms(1024), Budget::Terms(8)];
@@ -166,7 +166,7 @@ fn a_column_over_time_is_that_of_its_functions() {
     // function 1 is worth its solid angle under it.
     let one = vec![1.0; functions.grid().texels()];
     let mean = sweep.lit(&one, 1).iter().map(|v| f64::from(*v)).sum::<f64>() / 24.0;
-    let expected = asset.domain().covered_solid_angle() * 5.0 / 360.0;
+    let expected = asset.directions().unwrap().covered_solid_angle() * 5.0 / 360.0;
     assert!((mean / expected - 1.0).abs() < 0.02, "{mean} against {expected}");
 }
 
@@ -175,8 +175,8 @@ fn a_column_over_time_is_that_of_its_functions() {
 fn ways_of_choosing_are_ordered() {
     let asset = &car().asset;
     let samples = asset.samples().unwrap();
-    let grid = StageGrid::new(asset.domain(), (64, 16)).unwrap();
-    let functions = Functions::new(samples, asset.domain(), Method::BSpline, grid).unwrap();
+    let grid = StageGrid::new(asset.directions().unwrap(), (64, 16)).unwrap();
+    let functions = Functions::new(samples, asset.directions().unwrap(), Method::BSpline, grid).unwrap();
     let codec = Codec::new(Wavelet::Haar, functions.grid()).unwrap();
     let pixels = sampled(&seen(samples, asset.alpha(), &mut |_, _| Ok(())).unwrap(), 6, 2);
     let found = approximations(&functions, &codec, &[16, 64, 256], &pixels, &mut |_, _| Ok(())).unwrap();

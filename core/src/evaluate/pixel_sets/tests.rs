@@ -42,7 +42,7 @@ fn made_functions_have_the_traits_they_were_made_with() {
 fn found_sets_agree_with_the_scene() {
     let field = car();
     let asset = &field.asset;
-    let traits = traits(asset.samples().unwrap(), asset.domain(), &mut |_, _| Ok(())).unwrap();
+    let traits = traits(asset.samples().unwrap(), asset.directions().unwrap(), &mut |_, _| Ok(())).unwrap();
     let sets = find(&traits, asset.alpha());
     let class = |i: &u32| field.classes.class[*i as usize];
     // The share of some pixels that are of a class; pixels that show several materials have no truth.

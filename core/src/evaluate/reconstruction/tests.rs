@@ -13,7 +13,8 @@ use crate::simulate::{Quality, demo_lamps, grid_lamps};
 /// Mean and deviation for each set and method of [`Method::ALL`].
 fn figures(field: &Field, thinned: &Thinned, sets: &[PixelSet]) -> Vec<Vec<Summary>> {
     let asset = &field.asset;
-    let errors = relative_errors(asset.samples().unwrap(), asset.domain(), thinned, &mut |_, _| Ok(())).unwrap();
+    let errors =
+        relative_errors(asset.samples().unwrap(), asset.directions().unwrap(), thinned, &mut |_, _| Ok(())).unwrap();
     sets.iter().map(|set| errors.iter().map(|errors| Summary::over(errors, &set.pixels)).collect()).collect()
 }
 
@@ -21,9 +22,9 @@ fn figures(field: &Field, thinned: &Thinned, sets: &[PixelSet]) -> Vec<Vec<Summa
 #[test]
 fn linear_and_smooth_local_methods_beat_steps_and_harmonics() {
     let asset = &car().asset;
-    let thinned = Thinned::new(asset.domain(), Keep::Share(0.25), Method::ALL).unwrap();
-    assert_eq!((asset.domain().len(), thinned.subset.kept.len(), thinned.refused.len()), (1280, 320, 0));
-    let traits = traits(asset.samples().unwrap(), asset.domain(), &mut |_, _| Ok(())).unwrap();
+    let thinned = Thinned::new(asset.directions().unwrap(), Keep::Share(0.25), Method::ALL).unwrap();
+    assert_eq!((asset.directions().unwrap().len(), thinned.subset.kept.len(), thinned.refused.len()), (1280, 320, 0));
+    let traits = traits(asset.samples().unwrap(), asset.directions().unwrap(), &mut |_, _| Ok(())).unwrap();
     let sets = find(&traits, asset.alpha());
     let names: Vec<&str> = sets.iter().map(|set| &set.name[..]).collect();
     assert_eq!(names, ["all", "diffuse", "glossy", "shadowed"]);
@@ -73,7 +74,7 @@ fn random_field(folder: &Path, lamps: Directions) -> Asset {
     let elements = lamps.len();
     let contents = Contents {
         irradiance: vec![1.0; elements],
-        domain: lamps,
+        domain: lamps.into(),
         width: 19,
         height: 11,
         precision: Precision::Float,
@@ -93,13 +94,14 @@ fn random_field(folder: &Path, lamps: Directions) -> Asset {
 fn errors_are_those_of_the_formula() {
     let folder = tempfile::tempdir().unwrap();
     let asset = random_field(folder.path(), Directions::new(demo_lamps(48)).unwrap());
-    let thinned = Thinned::new(asset.domain(), Keep::Count(13), Method::ALL).unwrap();
+    let thinned = Thinned::new(asset.directions().unwrap(), Keep::Count(13), Method::ALL).unwrap();
     let mut seen = Vec::new();
     let mut progress = |done, all| {
         seen.push((done, all));
         Ok(())
     };
-    let errors = relative_errors(asset.samples().unwrap(), asset.domain(), &thinned, &mut progress).unwrap();
+    let errors =
+        relative_errors(asset.samples().unwrap(), asset.directions().unwrap(), &thinned, &mut progress).unwrap();
     assert_eq!(seen.last(), Some(&(11, 11)));
     let pictures: Vec<crate::image::Image> = (0..48)
         .map(|n| {
@@ -117,7 +119,7 @@ fn errors_are_those_of_the_formula() {
             for c in 0..3 {
                 let truth: Vec<f32> = pictures.iter().map(|picture| picture.pixel(x, y)[c]).collect();
                 let samples: Vec<f32> = thinned.subset.kept.iter().map(|&n| truth[n as usize]).collect();
-                let rebuilt = method.values(&samples, asset.domain().lamps());
+                let rebuilt = method.values(&samples, asset.directions().unwrap().lamps());
                 off += rebuilt.iter().zip(&truth).map(|(u, t)| f64::from(u - t).powi(2)).sum::<f64>();
                 norm += truth.iter().map(|t| f64::from(*t).powi(2)).sum::<f64>();
             }

@@ -25,7 +25,6 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::errors::{BlockErrors, ErrorMap};
-use super::spool::Spool;
 use super::survey::{Survey, survey};
 use super::{Finished, Made, Progress, Stage};
 use crate::error::{Error, Result};
@@ -33,6 +32,7 @@ use crate::field::dense::{BLOCK_PIXELS, CHANNELS};
 use crate::field::factored::Tiles;
 use crate::field::manifest::{Kind, Precision, Representation};
 use crate::field::npy;
+use crate::field::spool::Spool;
 use crate::field::writer::{Entries, power_of_two_for};
 use crate::field::{BlockBuffer, Samples};
 use crate::math::low_rank::{LowRank, low_rank};

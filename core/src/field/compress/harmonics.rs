@@ -7,7 +7,6 @@ use nalgebra::{DMatrix, DMatrixView};
 use rayon::prelude::*;
 
 use super::errors::{BlockErrors, ErrorMap};
-use super::spool::Spool;
 use super::survey::survey;
 use super::{Finished, Made, Progress, Stage};
 use crate::error::{Error, Result};
@@ -15,6 +14,7 @@ use crate::field::asset::Asset;
 use crate::field::dense::{BLOCK_PIXELS, CHANNELS, Layout};
 use crate::field::harmonics::values;
 use crate::field::manifest::{Kind, Precision, Representation, bands_of};
+use crate::field::spool::Spool;
 use crate::field::writer::{Entries, power_of_two_for};
 use crate::field::{BlockBuffer, Samples};
 use crate::reconstruct::{Method, Reconstruction};
@@ -64,9 +64,10 @@ struct Coder {
 
 impl Coder {
     fn new(asset: &Asset, bands: usize, largest: f32) -> Result<Self> {
-        let lamps = asset.domain().len();
+        let domain = asset.directions()?;
+        let lamps = domain.len();
         let functions = bands * bands;
-        let reconstruction = Reconstruction::new(asset.domain().clone(), Method::Harmonics { bands: bands as u32 })?;
+        let reconstruction = Reconstruction::new(domain.clone(), Method::Harmonics { bands: bands as u32 })?;
         let column = |lamp: usize| {
             let mut one = vec![0.0; lamps];
             one[lamp] = 1.0;
@@ -74,7 +75,7 @@ impl Coder {
         };
         let columns: Vec<Vec<f64>> = (0..lamps).into_par_iter().map(column).collect();
         let fit = DMatrix::from_iterator(functions, lamps, columns.into_iter().flatten().map(|f| f as f32));
-        let values = DMatrix::from_vec(functions, lamps, values(asset.domain(), functions));
+        let values = DMatrix::from_vec(functions, lamps, values(domain, functions));
         // No coefficient is larger than the sum of |F| along its row times the largest |T|.
         let reach = fit.row_iter().map(|row| row.iter().map(|f| f.abs()).sum::<f32>()).fold(0.0, f32::max);
         Ok(Self { fit: fit.transpose(), values, scale: power_of_two_for(largest * reach) })

@@ -8,7 +8,6 @@
 //! | part | what it holds |
 //! |---|---|
 //! | `survey` | energy and largest numbers of a field, for thresholds and scales |
-//! | `spool` | arrays that grow in temporary files |
 //! | `errors` | `e_p` and the error reached |
 //! | `harmonics` | spherical harmonics |
 //! | `factored` | tiles of low rank |
@@ -19,7 +18,6 @@ mod errors;
 mod factored;
 mod harmonics;
 mod selection;
-mod spool;
 mod survey;
 mod wavelet;
 mod wavelet_arrays;

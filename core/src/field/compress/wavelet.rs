@@ -13,12 +13,13 @@ use rayon::prelude::*;
 use super::errors::BlockErrors;
 use super::selection::Selection;
 use super::survey::survey;
-use super::wavelet_arrays::{Arrays, CodedBlock, Term};
+use super::wavelet_arrays::{Arrays, CodedBlock};
 use super::{Made, Progress, Stage};
 use crate::domain::StageGrid;
 use crate::error::{Error, Result};
 use crate::field::asset::Asset;
 use crate::field::dense::{BLOCK_PIXELS, CHANNELS};
+use crate::field::terms::Term;
 use crate::field::writer::power_of_two_for;
 use crate::field::{BlockBuffer, Samples};
 use crate::reconstruct::{Method, Reconstruction, Resampling};
@@ -160,9 +161,9 @@ struct Search {
 
 impl Coder {
     fn new(asset: &Asset, samples_scale: f32, wanted: &Wanted) -> Result<Self> {
-        let grid = StageGrid::new(asset.domain(), wanted.grid)?;
+        let grid = StageGrid::new(asset.directions()?, wanted.grid)?;
         let transform = grid.transform(wanted.wavelet)?;
-        let reconstruction = Reconstruction::new(asset.domain().clone(), wanted.reconstruction)?;
+        let reconstruction = Reconstruction::new(asset.directions()?.clone(), wanted.reconstruction)?;
         Ok(Self {
             resampling: Resampling::new(&reconstruction, grid.directions()?.lamps()),
             squared_norms: transform.synthesis_norms().iter().map(|norm| norm * norm).collect(),

@@ -117,7 +117,7 @@ impl Library {
             return Err(Error::Missing("Choose an asset: a .rfield file in the Asset parameter."));
         }
         let path = paths::expand(typed)?;
-        let open = || Pool::shared()?.run(|| Ok(Relighter::new(Asset::open(&path, Access::Mapped)?)));
+        let open = || Pool::shared()?.run(|| Ok(Relighter::new(Asset::open(&path, Access::Mapped)?)?));
         let field = self.fields.get(&Stamp::of(&path)?, open)?;
         let before = instance.held().field.replace(Arc::clone(&field));
         drop(before);

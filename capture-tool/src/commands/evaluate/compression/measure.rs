@@ -75,7 +75,7 @@ impl Task {
         );
         let pixels = sampled(&seen, self.pixels, SEED);
 
-        let functions = Functions::new(asset.samples()?, asset.domain(), self.method, self.grid.clone())?;
+        let functions = Functions::new(asset.samples()?, asset.directions()?, self.method, self.grid.clone())?;
         let sweep = Sweep::new(&self.grid, FRAMES)?;
         let codecs = WAVELETS.iter().map(|w| Codec::new(*w, &self.grid)).collect::<Result<Vec<_>, _>>()?;
         let wavelets = self.wavelets(&functions, &codecs, &sweep, &pixels)?;
@@ -89,7 +89,7 @@ impl Task {
             command: self.command.clone(),
             asset: asset.path().display().to_string(),
             size: [asset.width(), asset.height()],
-            lamps: asset.domain().len(),
+            lamps: asset.directions()?.len(),
             grid: [self.grid.size().0, self.grid.size().1],
             reconstruction: self.method.id(),
             pixels_seen: seen.len(),

@@ -89,9 +89,9 @@ impl Arguments {
             return Err(Error::Unsupported { place: self.asset.display().to_string(), what, advice }.into());
         }
         let column = inputs::column(self.column, &asset)?;
-        let grid = StageGrid::new(asset.domain(), self.grid)?;
+        let grid = StageGrid::new(asset.directions()?, self.grid)?;
         // Refuses a method that the lamps do not allow.
-        Reconstruction::new(asset.domain().clone(), self.reconstruct)?;
+        Reconstruction::new(asset.directions()?.clone(), self.reconstruct)?;
         let environments =
             self.environments.iter().map(|path| inputs::environment(path)).collect::<anyhow::Result<Vec<_>>>()?;
         let command = self.command(column);

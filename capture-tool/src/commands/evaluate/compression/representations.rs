@@ -65,7 +65,7 @@ struct Lights {
 /// # Errors
 /// A damaged field; a full disk; Ctrl-C.
 pub fn measure(task: &Task, folder: &Path) -> anyhow::Result<Representations> {
-    let reference = Relighter::new(Asset::open(task.asset.path(), Access::Mapped)?);
+    let reference = Relighter::new(Asset::open(task.asset.path(), Access::Mapped)?)?;
     let look = Look { representation: Some(Kind::Dense), method: task.method, ..Look::default() };
     let lights = Lights::new(task, &reference, &look)?;
     let mut measured = Representations {
@@ -96,7 +96,7 @@ pub fn measure(task: &Task, folder: &Path) -> anyhow::Result<Representations> {
             Err(error) => return Err(error.into()),
         }
         drop(bar);
-        let compact = Relighter::new(Asset::open(&path, Access::Mapped)?);
+        let compact = Relighter::new(Asset::open(&path, Access::Mapped)?)?;
         let (samples, row) = row(task, name, (&reference, &look), &compact, &lights)?;
         if measured.rows.is_empty() {
             measured.rows.push(samples);

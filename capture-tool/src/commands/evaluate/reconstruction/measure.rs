@@ -91,9 +91,10 @@ impl Task {
         let (asset, thinned) = (&self.asset, &self.thinned);
         let mut progress = Progress::new("rebuilding reflectance functions", Unit::Steps);
         let errors =
-            relative_errors(asset.samples()?, asset.domain(), thinned, &mut |done, all| progress.step(done, all))?;
+            relative_errors(asset.samples()?, asset.directions()?, thinned, &mut |done, all| progress.step(done, all))?;
         let mut progress = Progress::new("telling kinds of pixels apart", Unit::Steps);
-        let traits = pixel_sets::traits(asset.samples()?, asset.domain(), &mut |done, all| progress.step(done, all))?;
+        let traits =
+            pixel_sets::traits(asset.samples()?, asset.directions()?, &mut |done, all| progress.step(done, all))?;
         let found = pixel_sets::find(&traits, asset.alpha());
         let sets = pixel_sets::with_masks(found, self.masks.clone())?;
         anyhow::ensure!(
@@ -102,7 +103,7 @@ impl Task {
             asset.path().display()
         );
 
-        let (whole, _) = build(asset.domain(), &self.methods_of_all())?;
+        let (whole, _) = build(asset.directions()?, &self.methods_of_all())?;
         let total = (thinned.methods.len() + whole.len()) as u64;
         let (mut progress, mut done) = (Progress::new("projecting lights", Unit::Steps), 0);
         let mut project = |reconstruction: &Arc<Reconstruction>, kept: Option<&[u32]>| {

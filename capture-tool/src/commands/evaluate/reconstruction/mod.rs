@@ -102,7 +102,7 @@ impl Arguments {
                 true
             }
         });
-        let thinned = Thinned::new(asset.domain(), self.keep, &methods)
+        let thinned = Thinned::new(asset.directions()?, self.keep, &methods)
             .with_context(|| format!("cannot thin out {}", self.asset.display()))?;
         let environments =
             self.environments.iter().map(|path| inputs::environment(path)).collect::<anyhow::Result<Vec<_>>>()?;
