@@ -4,15 +4,43 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use relume_core::domain::EmitterCurve;
 use relume_core::files::folder_of;
 use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result};
 
-use super::file::{Kind, RigFile};
+use super::file::{EmitterChoice, Kind, RigFile};
 use crate::session::one_line;
 
 /// Version of rig files.
 const VERSION: u32 = 1;
+
+impl EmitterChoice {
+    /// With the numbers of the file it names, which lies in `folder`.
+    fn resolved(&self, folder: &Path) -> Result<Self> {
+        let Self::File(name) = self else { return Ok(self.clone()) };
+        let curve = EmitterCurve::read(&folder.join(name))?;
+        Ok(Self::Measured((0..=255).map(|code| curve.light(f64::from(code) / 255.0)).collect()))
+    }
+
+    /// The curve.
+    ///
+    /// # Errors
+    /// Numbers that are no curve, as somebody may have written them into a session.
+    pub fn curve(&self) -> Result<EmitterCurve> {
+        match self {
+            Self::Linear => Ok(EmitterCurve::Linear),
+            Self::Srgb => Ok(EmitterCurve::Srgb),
+            Self::File(name) => EmitterCurve::read(Path::new(name)),
+            Self::Measured(light) => {
+                let place = "the measured curve of the rig";
+                let light = <[f64; 256]>::try_from(light.as_slice());
+                let light = light.map_err(|_| Error::invalid(place, "another number of codes", "256 of them"))?;
+                EmitterCurve::table(place, light)
+            }
+        }
+    }
+}
 
 impl RigFile {
     /// Reads and checks a rig file.
@@ -40,6 +68,10 @@ impl RigFile {
             return Err(Error::invalid(place, found, format!("version = {VERSION}; a newer tool reads newer files")));
         }
         rig.check(&place)?;
+        let curves = [rig.monitor.as_mut().map(|m| &mut m.curve), rig.gantry.as_mut().map(|g| &mut g.curve)];
+        for curve in curves.into_iter().flatten() {
+            *curve = curve.resolved(folder_of(path))?;
+        }
         let stage = rig.stage.as_mut().map(|stage| (&mut stage.lamps, "[stage.lamps]"));
         let gantry = rig.gantry.as_mut().map(|gantry| (&mut gantry.positions, "[gantry.positions]"));
         if let Some((lamps, table)) = stage.or(gantry) {

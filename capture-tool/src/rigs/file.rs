@@ -143,8 +143,8 @@ pub struct GantryRig {
     pub positions: Lamps,
 }
 
-/// What an emitter makes of codes, as far as it is known before it is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// What an emitter makes of codes: it is inverted before patterns are shown (6.3).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EmitterChoice {
     /// Light in proportion.
@@ -152,6 +152,10 @@ pub enum EmitterChoice {
     /// The sRGB curve.
     #[default]
     Srgb,
+    /// Measured: a file as `relume calibrate gamma` writes it, in a rig file beside it.
+    File(String),
+    /// Measured: light of each code, as sessions keep it.
+    Measured(Vec<f64>),
 }
 
 /// A camera.

@@ -7,13 +7,13 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use relume_core::domain::patterns::PatternSet;
-use relume_core::domain::{Bits, Emitter, EmitterCurve};
+use relume_core::domain::{Bits, Emitter};
 use relume_core::image::{Encoding, Image, read};
 use relume_core::simulate::{Camera, Gantry, Monitor, Progress, Quality, Rows, Scene, Screen};
 use relume_core::{Error, Result};
 
 use super::cache;
-use super::{Condition, EmitterChoice, GantryRig, MonitorRig, Rig, RigFile, SceneChoice};
+use super::{Condition, GantryRig, MonitorRig, Rig, RigFile, SceneChoice};
 use crate::capture::Step;
 use crate::capture::patterns::Sets;
 use crate::devices::rehearsal::Fault;
@@ -56,13 +56,9 @@ impl VirtualEmitter {
         let rows = traced(rig, bare, progress)?;
         let white = [rig.simulation.irradiance as f32; 3];
         let (display, curve) = match (&rig.monitor, &rig.gantry) {
-            (Some(monitor), _) => (Screen { white, ..Screen::monitor() }, monitor.curve),
-            (None, Some(gantry)) => (Screen { white, ..Screen::projector() }, gantry.curve),
+            (Some(monitor), _) => (Screen { white, ..Screen::monitor() }, monitor.curve.curve()?),
+            (None, Some(gantry)) => (Screen { white, ..Screen::projector() }, gantry.curve.curve()?),
             (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
-        };
-        let curve = match curve {
-            EmitterChoice::Linear => EmitterCurve::Linear,
-            EmitterChoice::Srgb => EmitterCurve::Srgb,
         };
         let assumed = Emitter::new(&curve, Bits::Eight);
         let rig = rig.clone();
