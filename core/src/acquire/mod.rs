@@ -11,6 +11,7 @@
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
 pub mod explicit;
+pub mod implicit;
 mod import_exr;
 mod import_lp;
 mod measured;
