@@ -14,7 +14,7 @@ use relume_core::image::Image;
 use relume_core::wavelet::Transform;
 use relume_core::{Error, Result};
 
-use super::patterns::Samples;
+use super::patterns::{Samples, Sets};
 use super::{Sampler, Step, Times};
 use crate::pack::covered::covered;
 use crate::pack::develop::Developer;
@@ -29,6 +29,7 @@ pub struct Explicit {
     rig: RigFile,
     /// Steps before the first function.
     opening: Vec<Step>,
+    sets: Sets,
     set: PatternSet,
     /// Numbers of the patterns of each function.
     parts: HashMap<u32, Vec<usize>>,
@@ -64,13 +65,16 @@ struct Scale {
 }
 
 impl Explicit {
-    /// Begins, or goes on where the journal of `root` ends. `opening` are the steps before the first function, `set` the
-    /// functions in their parts.
+    /// Begins, or goes on where the journal of `root` ends. `opening` are the steps before the first function; `sets` has the
+    /// functions in their parts, and what the calibration shows.
     ///
     /// # Errors
     /// A rig without a screen; a journal that cannot be read.
-    pub fn new(root: &Path, rig: &RigFile, opening: Vec<Step>, set: &PatternSet) -> Result<Self> {
-        let Some(monitor) = &rig.monitor else { return Err(Error::invalid("rig", "no screen", "one")) };
+    pub fn new(root: &Path, rig: &RigFile, opening: Vec<Step>, sets: &Sets) -> Result<Self> {
+        let set = sets.get(Samples::Functions.set());
+        let (Some(monitor), Some(set)) = (&rig.monitor, set) else {
+            return Err(Error::invalid("rig", "no screen", "one"));
+        };
         let weight = Weight { smoothness: monitor.smoothness, ..Weight::default() };
         let mut parts: HashMap<u32, Vec<usize>> = HashMap::new();
         for number in 0..set.len() {
@@ -86,6 +90,7 @@ impl Explicit {
             rig: rig.clone(),
             opening,
             growth: Growth::new(transform(monitor, set)?.tree(), weight, monitor.threshold),
+            sets: sets.clone(),
             set: set.clone(),
             parts,
             most: monitor.functions,
@@ -118,7 +123,7 @@ impl Explicit {
         let (black, white) = (mean(black, black2), mean(white, white2));
         let mut lit = white.clone();
         lit.data_mut().iter_mut().zip(black.data()).for_each(|(v, s)| *v -= s);
-        let covered = covered(&records, &developer, lit.size())?;
+        let covered = covered(&records, &developer, &self.sets, lit.size())?;
         let tree = Transform::tree(&transform(self.monitor()?, &self.set)?);
         let bound = Bound::new(tree, self.weight, &lit, covered.clone())?;
         let measure = Measure::new(covered, noise);

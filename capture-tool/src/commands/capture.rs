@@ -305,9 +305,9 @@ impl Arguments {
     }
 
     fn sampler(&self, job: &Job) -> anyhow::Result<Box<dyn Sampler>> {
-        Ok(match job.sets.get(Samples::Functions.set()).filter(|_| job.chooses()) {
-            Some(set) => Box::new(Explicit::new(&self.session, &job.rig, job.steps.clone(), set)?),
-            None => Box::new(Listed::new(job.steps.clone())),
+        Ok(match job.chooses() {
+            true => Box::new(Explicit::new(&self.session, &job.rig, job.steps.clone(), &job.sets)?),
+            false => Box::new(Listed::new(job.steps.clone())),
         })
     }
 
