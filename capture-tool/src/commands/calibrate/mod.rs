@@ -10,6 +10,7 @@ mod white;
 
 use clap::Subcommand;
 
+pub(super) use input::Captured;
 pub(super) use white::read_correction;
 
 /// What is measured.

@@ -4,17 +4,21 @@
 //! |---|---|
 //! | `reconstruction` | how well fields are rebuilt from a part of their lamps |
 //! | `compression` | how well few coefficients stand for reflectance functions, and compact fields for samples |
+//! | `explicit` | how well functions shown on a screen one by one capture what stands before it |
+//! | `reference` | relit pictures against photographs under the same picture on a screen |
 //! | `inputs` | flags that both take |
 //! | `lines` | line charts |
 //! | `pictures` | what is shown: exposure, false colours, sizes |
 //! | `page` | the self-contained page, and the files beside it |
 
 mod compression;
+mod explicit;
 mod inputs;
 mod lines;
 mod page;
 mod pictures;
 mod reconstruction;
+mod reference;
 
 use clap::Subcommand;
 
@@ -23,8 +27,12 @@ use clap::Subcommand;
 pub enum Subject {
     /// Rebuild a field from a part of its lamps by every method, and compare with all of them.
     Reconstruction(reconstruction::Arguments),
+    /// Hold a field of a screen, relit, against photographs of pictures on that screen.
+    Reference(reference::Arguments),
     /// Measure what wavelets and compact representations of a field lose, and what they save.
     Compression(compression::Arguments),
+    /// Measure explicit sampling on virtual screens: errors of relit pictures over the number of functions.
+    Explicit(explicit::Arguments),
 }
 
 impl Subject {
@@ -32,7 +40,9 @@ impl Subject {
     pub fn run(self) -> anyhow::Result<String> {
         match self {
             Subject::Reconstruction(arguments) => arguments.run(),
+            Subject::Reference(arguments) => arguments.run(),
             Subject::Compression(arguments) => arguments.run(),
+            Subject::Explicit(arguments) => arguments.run(),
         }
     }
 }
