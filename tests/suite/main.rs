@@ -19,3 +19,4 @@ mod photographs;
 mod plugin;
 mod probe;
 mod relight_effect;
+mod screen;
