@@ -14,6 +14,7 @@ mod lamps;
 mod layers;
 mod lights;
 mod look;
+mod monitor;
 mod patterns;
 mod photographs;
 mod plugin;

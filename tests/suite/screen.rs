@@ -1,45 +1,36 @@
-//! The monitor rig from outside: captured or imported, packed, in parts, relit, put before a plate; against the scene itself.
+//! Calibrating a screen from outside: a virtual one, whose truth is known, and real photographs where they are there.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::sync::OnceLock;
+use std::path::Path;
 
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg32;
-use relume_core::domain::patterns::{Kind, Noise, PatternSet};
-use relume_core::domain::{Bits, Emitter, EmitterCurve, Plane};
-use relume_core::field::{Access, Asset};
+use relume_core::domain::EmitterCurve;
 use relume_core::image::{EncodeOptions, Encoding, Image, read, write};
-use relume_core::simulate::{Camera, Monitor, Quality, Rows};
-use relume_core::wavelet::Wavelet;
-use relume_tests::relume;
+use relume_core::simulate::{Camera, Monitor};
+use relume_tests::{shared_data, skipped};
+use serde_json::Value;
 
-use super::capture::{Capture, refuse, tool};
-use super::cli::succeed;
+use crate::capture::{Capture, tool};
+use crate::cli::{self, refuse, succeed};
 
-/// A screen of 32 x 32 texels behind glass, mirror, glossy and diffuse bodies.
+/// A screen of 48 x 48 texels behind the demo's bodies, with noise.
 const RIG: &str = r#"
 version = 1
 name = "Test screen"
 kind = "monitor"
 [monitor]
-columns = 32
-rows = 32
-noise = 160
-squares = 8
+columns = 48
+rows = 48
 [camera]
+times_s = [0.05, 0.4]
 limits_s = [0.02, 30.0]
-step_stops = 3.0
-response = "linear"
+megabytes = 0.01
 [calibration]
-dark_times_s = [0.02, 0.25, 2.0]
+dark_times_s = [0.05, 0.4]
 patterns = ["ramp", "gray-code", "stripes"]
 [virtual]
-width = 80
-height = 60
-samples = 16
-seed = 1
+width = 96
+height = 72
+samples = 4
 irradiance = 1500.0
 [virtual.sensor]
 full_well_e = 30000
@@ -47,251 +38,136 @@ read_e = 6
 bits = 12
 dark = 0.006
 "#;
-const SIZE: (usize, usize) = (80, 60);
-const TEXELS: (usize, usize) = (32, 32);
+const SIZE: (usize, usize) = (96, 72);
 
-/// The scene of [`RIG`], and the bare screen.
-fn scene() -> &'static (Rows, Rows) {
-    static SCENE: OnceLock<(Rows, Rows)> = OnceLock::new();
-    SCENE.get_or_init(|| {
-        let monitor = Monitor::demo(Camera::monitor(SIZE.0, SIZE.1), TEXELS);
-        let quality = Quality { samples: 16, seed: 1, ..Quality::rig() };
-        let trace = |monitor: &Monitor| monitor.trace(&quality, &mut |_, _| Ok(())).unwrap();
-        (trace(&monitor), trace(&monitor.bare()))
-    })
-}
-
-/// The session of [`RIG`], captured once, and its field.
-fn captured() -> &'static (Capture, PathBuf) {
-    static CAPTURED: OnceLock<(Capture, PathBuf)> = OnceLock::new();
-    CAPTURED.get_or_init(|| {
-        let set = Capture::with(RIG);
-        succeed(&mut set.begin("glass", &["--sampler", "noise"]));
-        let field = set.path("glass.rfield");
-        succeed(tool("pack").arg(set.path("glass")).arg("-o").arg(&field).args(["--terms", "40"]));
-        (set, field)
-    })
-}
-
-/// A picture on the screen: soft, with an edge, coloured; 0 to 1.
-fn backdrop() -> Image {
-    Image::from_fn(TEXELS.0, TEXELS.1, |x, y| {
-        let (u, v) = (x as f32 / TEXELS.0 as f32, y as f32 / TEXELS.1 as f32);
-        let edge = if u + 0.3 * v > 0.7 { 0.45 } else { 0.0 };
-        [0.1 + 0.4 * u + edge, 0.2 + 0.3 * v + edge, 0.5 - 0.3 * u * v]
-    })
-}
-
-fn emitted(picture: &Image) -> Vec<[f32; 3]> {
-    picture.data().chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()
-}
-
-/// `||a - b|| / ||b||` over pixels that count.
-fn relative(a: &Image, b: &Image, counts: impl Fn(usize) -> bool) -> f64 {
-    let (mut off, mut all) = (0.0, 0.0);
-    for pixel in (0..a.width() * a.height()).filter(|pixel| counts(*pixel)) {
-        let at = |image: &Image, c: usize| f64::from(image.data()[image.channels() * pixel + c]);
-        for c in 0..3 {
-            off += (at(a, c) - at(b, c)).powi(2);
-            all += at(b, c).powi(2);
-        }
-    }
-    (off / all).sqrt()
-}
-
-fn written(path: &Path, image: &Image) {
-    write(path, image, EncodeOptions::default()).unwrap();
+fn number(text: &str, line: &str, before: &str) -> f64 {
+    let line = text.lines().find(|l| l.starts_with(line)).unwrap_or_else(|| panic!("no `{line}` in: {text}"));
+    let rest = &line[line.find(before).unwrap_or_else(|| panic!("no `{before}` in: {line}")) + before.len()..];
+    let end = rest.trim_start().find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(rest.trim_start().len());
+    rest.trim_start()[..end].parse().unwrap()
 }
 
 #[test]
-fn a_captured_screen_lights_and_composites_as_the_scene_does() {
-    let (set, field) = captured();
-    let (rows, bare) = scene();
-    let asset = Asset::open(field, Access::Read).unwrap();
-    let alpha = asset.alpha().expect("stripes give alpha").to_vec();
-    assert!(asset.domain().correspondence().is_some());
-    let shown = set.path("backdrop.exr");
-    written(&shown, &backdrop());
-    let lit = set.path("lit.exr");
-    succeed(Command::new(relume()).arg("relight").arg(field).arg("--plane").arg(&shown).arg("-o").arg(&lit));
-    let truth = rows.photograph(&emitted(&backdrop())).unwrap();
-    let found = read(&lit, Encoding::Linear).unwrap();
-    // T in units of the white screen, which is what the traced rows are in; 160 patterns for 1024 texels.
-    let error = relative(&found, &truth, |pixel| alpha[pixel] > 0.999);
-    assert!(error < 0.04, "{error}");
+fn a_virtual_screen_is_calibrated() {
+    let capture = Capture::with(RIG);
+    succeed(&mut capture.begin("s", &["--only", "calibration"]));
+    let (session, path) = (capture.path("s"), |name: &str| capture.path(name));
 
-    // The bare screen's own picture as the plate gives the photograph back: 6.6.4 and soft edges.
-    let plate = bare.photograph(&emitted(&backdrop())).unwrap();
-    written(&set.path("plate.exr"), &plate);
-    let composite = set.path("composite.exr");
-    let matte = |options: &[&str], to: &Path| {
-        let mut command = Command::new(relume());
-        command.arg("matte").arg(field).arg("--plate").arg(set.path("plate.exr")).arg("-o").arg(to).args(options);
-        succeed(&mut command);
-        read(to, Encoding::Linear).unwrap()
-    };
-    let found = matte(&[], &composite);
-    let error = relative(&found, &truth, |pixel| alpha[pixel] < 0.001);
-    assert!(error < 0.005, "directly seen: {error}");
-    let error = relative(&found, &truth, |pixel| (0.001..0.999).contains(&alpha[pixel]));
-    assert!(error < 0.03, "soft edges: {error}");
-    let element = matte(&["--output", "element"], &set.path("element.exr"));
-    let coverage = matte(&["--output", "alpha"], &set.path("alpha.exr"));
-    for pixel in 0..SIZE.0 * SIZE.1 {
-        let through = 1.0 - coverage.data()[3 * pixel];
-        for c in 0..3 {
-            let sum = element.data()[4 * pixel + c] + through * plate.data()[3 * pixel + c];
-            assert!((sum - found.data()[found.channels() * pixel + c]).abs() < 1e-5);
-        }
+    // The curve: within 1 % of white at every code of the truth, a power of 2.2.
+    let said = succeed(tool("calibrate").arg("gamma").arg(&session).arg("-o").arg(path("screen.txt")));
+    assert!(said.contains("256 codes"), "{said}");
+    let EmitterCurve::Table(table) = EmitterCurve::read(&path("screen.txt")).unwrap() else { panic!("a table") };
+    for (code, light) in table.iter().enumerate() {
+        let truth = (code as f64 / 255.0).powf(2.2);
+        assert!((light - truth).abs() < 0.01, "code {code}: {light}, not {truth}");
     }
+
+    // Places: half a pixel on stripes that were held out, by the tool's own measure, and to the truth.
+    let said = succeed(tool("calibrate").arg("screen").arg(&session).arg("-o").arg(path("screen.json")));
+    assert!(said.contains("edges of stripes") && number(&said, "held out", "median") < 0.5, "{said}");
+    let file: Value = serde_json::from_str(&fs::read_to_string(path("screen.json")).unwrap()).unwrap();
+    assert_eq!(file["picture"], serde_json::json!([96, 72]));
+    let found: relume_core::domain::Correspondence = serde_json::from_value(file["correspondence"].clone()).unwrap();
+    let monitor = Monitor::demo(Camera::monitor(SIZE.0, SIZE.1), (48, 48));
+    for [u, v] in [[0.1, 0.1], [0.9, 0.15], [0.5, 0.2], [0.12, 0.6], [0.88, 0.6]] {
+        let truth = monitor.camera.project(&monitor.screen.point(u, v));
+        let [x, y] = found.pixel_of([f64::from(u), f64::from(v)]).unwrap();
+        let off = (x - truth[0]).hypot(y - truth[1]);
+        assert!(off < 0.5, "({u}, {v}): off by {off} pixels");
+    }
+
+    // Alpha: the share of the rays that miss every body.
+    let said = succeed(
+        tool("calibrate").arg("alpha").arg(&session).arg("--screen").arg(path("screen.json")).arg("-o").arg(path("a.exr")),
+    );
+    assert!(said.contains("from stripes"), "{said}");
+    let alpha = read(&path("a.exr"), Encoding::Linear).unwrap();
+    let seen = monitor.directly_seen();
+    let mut off: Vec<f32> = seen.iter().enumerate().map(|(n, s)| (alpha.data()[3 * n] - (1.0 - s)).abs()).collect();
+    off.sort_unstable_by(f32::total_cmp);
+    let at = |share: f64| off[(share * (off.len() - 1) as f64) as usize];
+    assert!(at(0.5) < 0.005 && at(0.9) < 0.03 && at(0.98) < 0.2, "{} {} {}", at(0.5), at(0.9), at(0.98));
+
+    let absent = path("absent.json");
+    refuse(
+        tool("calibrate").arg("alpha").arg(&session).arg("--screen").arg(&absent).arg("-o").arg(path("b.exr")),
+        &["absent.json"],
+    );
+    fs::write(&absent, fs::read_to_string(path("screen.json")).unwrap().replacen("96", "95", 1)).unwrap();
+    refuse(
+        tool("calibrate").arg("alpha").arg(&session).arg("--screen").arg(&absent).arg("-o").arg(path("b.exr")),
+        &["95 x 72", "96 x 72"],
+    );
+    assert!(!path("b.exr").exists());
 }
 
 #[test]
-fn parts_make_the_same_field() {
-    let (set, whole) = captured();
-    let part = |tiles: &str| {
-        let out = set.path("parts.rfield");
-        succeed(tool("pack").arg(set.path("glass")).arg("-o").arg(out).args(["--terms", "40", "--tiles", tiles]));
-        set.path(&format!("parts.rfield.part-{tiles}"))
-    };
-    let parts = [part("4-8"), part("1-3")];
-    let merged = set.path("merged.rfield");
-    succeed(Command::new(relume()).arg("merge").args(&parts).arg("-o").arg(&merged));
-    let open = |path: &Path| Asset::open(path, Access::Read).unwrap();
-    let (a, b) = (open(whole), open(&merged));
-    let arrays = |asset: &Asset| -> Vec<(String, String)> {
-        let all = asset.manifest().blake3.clone();
-        all.into_iter().filter(|(name, _)| !name.starts_with("preview")).collect()
-    };
-    assert_eq!((arrays(&a), a.manifest().provenance.get("tiles")), (arrays(&b), None));
-    let merge = |parts: &[&Path]| {
-        let mut command = Command::new(relume());
-        command.arg("merge").args(parts).arg("-o").arg(set.path("bad.rfield"));
+fn opaque_objects_by_triangulation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    for name in ["with", "without", "one"] {
+        fs::create_dir(path(name)).unwrap();
+    }
+    let alpha = |x: usize| (x as f32 / 15.0).min(1.0);
+    for (n, behind) in [[0.8, 0.1, 0.2], [0.1, 0.7, 0.3]].into_iter().enumerate() {
+        let save = |name: &str, picture: &Image| write(&path(name), picture, EncodeOptions::default()).unwrap();
+        save(&format!("without/{n}.exr"), &Image::from_fn(20, 9, |_, _| behind));
+        let with = |x: usize| [0, 1, 2].map(|c| alpha(x) * 0.4 + (1.0 - alpha(x)) * behind[c]);
+        save(&format!("with/{n}.exr"), &Image::from_fn(20, 9, |x, _| with(x)));
+        save("one/0.exr", &Image::from_fn(20, 9, |x, _| with(x)));
+    }
+    let command = |with: &str| {
+        let mut command = cli::tool(&["calibrate", "alpha", "--photos"]);
+        command.arg(path(with)).arg("--bare").arg(path("without")).arg("-o").arg(path("a.exr"));
         command
     };
-    refuse(&mut merge(&[&parts[0]]), &["none with tile 1"]);
-    refuse(&mut merge(&[&parts[0], &parts[0], &parts[1]]), &["tile 4", "no other part"]);
-    refuse(&mut merge(&[whole]), &["a field that is whole"]);
-    assert!(!set.path("bad.rfield").exists());
-    let mut beyond = tool("pack");
-    beyond.arg(set.path("glass")).arg("-o").arg(set.path("p.rfield")).args(["--tiles", "7-9"]);
-    refuse(&mut beyond, &["7-9", "8 tiles"]);
+    assert!(succeed(&mut command("with")).contains("triangulation of 2 backdrops"));
+    let found = read(&path("a.exr"), Encoding::Linear).unwrap();
+    for x in 0..20 {
+        assert!((found.pixel(x, 4)[0] - alpha(x)).abs() < 2e-3, "{x}");
+    }
+    refuse(&mut command("one"), &["1 photographs with the object and 2 without"]);
+    refuse(&mut command("without"), &["covers nothing"]);
 }
 
+/// Codes of others, with inverses and without, and the real glass.
 #[test]
-fn squares_make_a_field_as_well() {
-    let set = Capture::with(RIG);
-    succeed(&mut set.begin("scan", &["--sampler", "scan"]));
-    let field = set.path("scan.rfield");
-    succeed(tool("pack").arg(set.path("scan")).arg("-o").arg(&field));
-    let asset = Asset::open(&field, Access::Read).unwrap();
-    assert_eq!(asset.domain().plane().unwrap().size(), (8, 8));
-    // Light that is constant over each square is no approximation.
-    let steps = Image::from_fn(TEXELS.0, TEXELS.1, |x, y| [(x / 4) as f32 / 8.0, (y / 4) as f32 / 8.0, 0.3]);
-    written(&set.path("steps.exr"), &steps);
-    let lit = set.path("lit.exr");
-    let mut command = Command::new(relume());
-    succeed(command.arg("relight").arg(&field).arg("--plane").arg(set.path("steps.exr")).arg("-o").arg(&lit));
-    let truth = scene().0.photograph(&emitted(&steps)).unwrap();
-    let alpha = asset.alpha().unwrap();
-    let error = relative(&read(&lit, Encoding::Linear).unwrap(), &truth, |pixel| alpha[pixel] > 0.999);
-    assert!(error < 0.01, "{error}");
-}
-
-/// Pairs made elsewhere: codes of noise on a screen of a known curve, photographs with camera noise.
-struct Pairs {
-    folder: tempfile::TempDir,
-}
-
-impl Pairs {
-    fn new(count: usize) -> Self {
-        let pairs = Self { folder: tempfile::tempdir().unwrap() };
-        for name in ["patterns", "photos"] {
-            fs::create_dir(pairs.path(name)).unwrap();
-        }
-        let (emitter, rows) = (Emitter::new(&EmitterCurve::Srgb, Bits::Eight), &scene().0);
-        let noise = Noise { wavelet: Wavelet::Haar, count, seed: 5, deviation: Noise::DEVIATION };
-        let set = PatternSet::new(Kind::Noise(noise), Plane::new(TEXELS.0, TEXELS.1).unwrap()).unwrap();
-        let mut random = Pcg32::seed_from_u64(2);
-        for n in 0..count {
-            let codes = set.pattern(n).codes(&emitter);
-            let name = format!("{n:04}");
-            relume_core::image::write_grey(&pairs.path(&format!("patterns/{name}.png")), TEXELS, &codes, true).unwrap();
-            let light: Vec<[f32; 3]> = codes.iter().map(|code| [emitter.light(*code); 3]).collect();
-            let mut photograph = rows.photograph(&light).unwrap();
-            // About normal: the sum of four uniform numbers, deviation 0.2 %.
-            let mut normal = || (0..4).map(|_| random.random::<f32>() - 0.5).sum::<f32>() * 1.732;
-            photograph.data_mut().iter_mut().for_each(|v| *v *= 1.0 + 0.002 * normal());
-            written(&pairs.path(&format!("photos/{name}.exr")), &photograph);
-        }
-        pairs
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn import(&self, session: &str) {
-        let mut command = Command::new(relume());
-        command.args(["import", "pairs", "--patterns"]).arg(self.path("patterns")).arg("--photos");
-        succeed(command.arg(self.path("photos")).arg("--session").arg(self.path(session)));
-    }
-
-    fn pack(&self, session: &str, options: &[&str]) -> Command {
-        let mut command = Command::new(relume());
-        command.arg("pack").arg(self.path(session)).arg("-o").arg(self.path("a.rfield")).args(options);
-        command
-    }
-}
-
-#[test]
-fn imported_pairs_are_solved_and_what_cannot_be_is_told() {
-    let pairs = Pairs::new(128);
-    pairs.import("s");
-    succeed(&mut pairs.pack("s", &["--terms", "40"]));
-    written(&pairs.path("shown.exr"), &backdrop());
-    let mut command = Command::new(relume());
-    command.arg("relight").arg(pairs.path("a.rfield")).arg("--plane").arg(pairs.path("shown.exr"));
-    succeed(command.arg("-o").arg(pairs.path("lit.exr")));
-    let truth = scene().0.photograph(&emitted(&backdrop())).unwrap();
-    let error = relative(&read(&pairs.path("lit.exr"), Encoding::Linear).unwrap(), &truth, |_| true);
-    assert!(error < 0.05, "{error}");
-
-    refuse(&mut pairs.pack("s", &["--terms", "128"]), &["128"]);
-    refuse(&mut pairs.pack("s", &["--terms", "40", "--bare", "x"]), &["--bare"]);
-    let covers = |name: &str, value: f32| {
-        written(&pairs.path(name), &Image::from_fn(SIZE.0, SIZE.1, |_, _| [value; 3]));
-        pairs.path(name).to_string_lossy().into_owned()
+fn real_codes_are_decoded() {
+    let Some(data) = shared_data() else { return skipped("../shared/data") };
+    let folder = tempfile::tempdir().unwrap();
+    let screen = |name: &str| -> String {
+        let mut command = cli::tool(&["calibrate", "screen", "--patterns"]);
+        command.arg(data.join(name).join("patterns")).arg("--photos").arg(data.join(name).join("photos"));
+        succeed(&mut command)
     };
-    refuse(&mut pairs.pack("s", &["--alpha", &covers("all.exr", 1.0)]), &["all.exr", "everything"]);
-    refuse(&mut pairs.pack("s", &["--alpha", &covers("none.exr", 0.0)]), &["none.exr", "nothing"]);
-    fs::write(pairs.path("bad.json"), "{}").unwrap();
-    let bad = pairs.path("bad.json").to_string_lossy().into_owned();
-    refuse(&mut pairs.pack("s", &["--correspondence", &bad]), &["bad.json", "calibrate screen"]);
+    // A flat board, so a homography; half a pixel and what rounding to texels of one to two pixels leaves.
+    let board = screen("procam-graycode");
+    assert!(number(&board, "held out", "median") < 1.0, "{board}");
+    let glass = screen("glass-graycode");
+    assert!(number(&glass, "held out", "median") < 1.0, "{glass}");
 
-    // Light from all round, and lamps, mean nothing here.
-    let mut command = Command::new(relume());
-    command.arg("relight").arg(pairs.path("a.rfield")).args(["--lamp", "1", "-o"]).arg(pairs.path("x.exr"));
-    refuse(&mut command, &["a field of a screen", "relume matte"]);
+    let (field, plate) = (folder.path().join("glass.rfield"), folder.path().join("plate.exr"));
+    let mut command = cli::tool(&["import", "graycode", "--patterns"]);
+    command.arg(data.join("glass-graycode/patterns")).arg("--photos").arg(data.join("glass-graycode/photos"));
+    succeed(command.arg("-o").arg(&field));
+    composited(&field, &plate);
+}
 
-    // A pattern that went missing, one of another size, and patterns without contrast.
-    let import = |session: &str| {
-        let mut command = Command::new(relume());
-        command.args(["import", "pairs", "--patterns"]).arg(pairs.path("patterns")).arg("--photos");
-        command.arg(pairs.path("photos")).arg("--session").arg(pairs.path(session));
-        command
+/// Before a white plate the glass is grey to white everywhere, and beside it the plate is untouched.
+fn composited(field: &Path, plate: &Path) {
+    write(plate, &Image::from_fn(300, 300, |_, _| [1.0; 3]), EncodeOptions::default()).unwrap();
+    let out = plate.with_file_name("out.exr");
+    succeed(cli::tool(&["matte"]).arg(field).arg("--plate").arg(plate).arg("-o").arg(&out));
+    let picture = read(&out, Encoding::Linear).unwrap();
+    let values = |keep: &dyn Fn(usize, usize) -> bool| -> Vec<f32> {
+        let all = (0..300).flat_map(|y| (0..300).map(move |x| (x, y)));
+        all.filter(|(x, y)| keep(*x, *y)).map(|(x, y)| picture.pixel(x, y)[1]).collect()
     };
-    fs::rename(pairs.path("photos/0007.exr"), pairs.path("0007.exr")).unwrap();
-    refuse(&mut import("t"), &["127 photographs", "128 patterns"]);
-    fs::rename(pairs.path("0007.exr"), pairs.path("photos/0007.exr")).unwrap();
-    let pattern = pairs.path("patterns/0009.png");
-    relume_core::image::write_grey(&pattern, (16, 16), &[128; 256], true).unwrap();
-    refuse(&mut import("t"), &["0009.png", "16 x 16"]);
-    for n in 0..128 {
-        let path = pairs.path(&format!("patterns/{n:04}.png"));
-        relume_core::image::write_grey(&path, TEXELS, &[128; TEXELS.0 * TEXELS.1], true).unwrap();
-    }
-    succeed(&mut import("flat"));
-    let said = refuse(&mut pairs.pack("flat", &["--terms", "40"]), &["pattern"]);
-    assert!(said.contains("contrast"), "{said}");
+    let mut beside = values(&|x, y| x < 80 && y < 150);
+    beside.sort_unstable_by(f32::total_cmp);
+    assert!((beside[beside.len() / 2] - 1.0).abs() < 0.02 && beside[beside.len() / 50] > 0.85);
+    // The glass stands in the middle of what the patterns filled, its rim in the upper half.
+    let glass = values(&|x, y| (115..165).contains(&x) && (170..260).contains(&y));
+    let mean = glass.iter().sum::<f32>() / glass.len() as f32;
+    assert!((0.25..0.98).contains(&mean), "{mean}");
 }

@@ -131,6 +131,20 @@ pub fn duration(text: &str) -> Result<std::time::Duration, String> {
 /// The most numbers that a list of ranges may name.
 const MOST_NUMBERS: u64 = 1_000_000;
 
+/// Codes of an 8-bit emitter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Codes(pub Vec<u8>);
+
+/// Codes of 0 to 255 with commas between, none twice.
+pub fn codes(text: &str) -> Result<Codes, String> {
+    let code = |part: &str| part.trim().parse().map_err(|_| format!("`{}` is no code from 0 to 255", part.trim()));
+    let codes: Vec<u8> = text.split(',').map(code).collect::<Result<_, _>>()?;
+    match (1..codes.len()).find(|n| codes[..*n].contains(&codes[*n])) {
+        Some(again) => Err(format!("code {} comes twice", codes[again])),
+        None => Ok(Codes(codes)),
+    }
+}
+
 /// A list of numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Numbers(pub Vec<u64>);
