@@ -128,7 +128,11 @@ impl ExplicitPack<'_> {
             (Some(white), _) => white,
             (None, false) => &no_black,
             (None, true) => {
-                return Err(Error::invalid("the session", "no photograph of the white screen", "one: capture it again"));
+                return Err(Error::invalid(
+                    "the session",
+                    "no photograph of the white screen",
+                    "one: capture it again",
+                ));
             }
         };
         let mut picture = parts.picture(scale, &no_black, white)?;

@@ -84,8 +84,7 @@ impl Study<'_> {
                 let positive = camera.of(self.photograph(&up)?);
                 let single = down.iter().all(|v| *v == 0.0);
                 let negative = if single { black.clone() } else { camera.of(self.photograph(&down)?) };
-                let parts =
-                    if single { Parts::Positive(&positive) } else { Parts::Split(&positive, &negative) };
+                let parts = if single { Parts::Positive(&positive) } else { Parts::Split(&positive, &negative) };
                 let picture = parts.picture(scale, &black, &white)?;
                 growth.observe(location, &measure.norm(&parts, scale, &picture));
                 let area = up.iter().chain(&down).map(|v| f64::from(*v)).sum();
@@ -301,7 +300,8 @@ mod tests {
         let off = errors(&seen, &seen.pixels, &natural, Wavelet::Haar, &counts);
         assert!(off.windows(2).all(|pair| pair[1] < 0.97 * pair[0]), "{off:?}");
         let smooth = smooth_lights(TEXELS);
-        let [haar, cdf] = [Wavelet::Haar, Wavelet::Daubechies97].map(|w| errors(&seen, &seen.pixels, &smooth, w, &counts[..1])[0]);
+        let [haar, cdf] =
+            [Wavelet::Haar, Wavelet::Daubechies97].map(|w| errors(&seen, &seen.pixels, &smooth, w, &counts[..1])[0]);
         assert!(cdf < 0.8 * haar, "9/7 {cdf}, Haar {haar}");
         assert!(!seen.specular.is_empty());
     }
@@ -317,7 +317,12 @@ mod tests {
 
         let plane = Plane::new(TEXELS.0, TEXELS.1).unwrap();
         let transform = plane.transform(Wavelet::Haar).unwrap();
-        let noise = patterns::Noise { wavelet: Wavelet::Haar, count: PHOTOGRAPHS, seed: 5, deviation: patterns::Noise::DEVIATION };
+        let noise = patterns::Noise {
+            wavelet: Wavelet::Haar,
+            count: PHOTOGRAPHS,
+            seed: 5,
+            deviation: patterns::Noise::DEVIATION,
+        };
         let set = PatternSet::new(Kind::Noise(noise), plane).unwrap();
         let shown: Vec<Pattern> = (0..PHOTOGRAPHS).map(|n| set.pattern(n)).collect();
         let mut camera = super::Camera { rng: Pcg32::seed_from_u64(9), noise: 2e-3, read: 0.0 };
