@@ -62,6 +62,8 @@ struct Scale {
     white: Image,
     measure: Measure,
     bound: Bound,
+    /// Pixels that count, of all.
+    counted: [usize; 2],
 }
 
 impl Explicit {
@@ -130,8 +132,9 @@ impl Explicit {
         let covered = covered(&records, &developer, &self.sets, lit.size())?;
         let tree = Transform::tree(&transform(self.monitor()?, &self.set)?);
         let bound = Bound::new(tree, self.weight, &lit, covered.clone())?;
+        let counted = [covered.iter().filter(|covered| **covered).count(), covered.len()];
         let measure = Measure::new(covered, noise);
-        self.scale = Some(Scale { records, developer, black, white, measure, bound });
+        self.scale = Some(Scale { records, developer, black, white, measure, bound, counted });
         Ok(())
     }
 
@@ -236,7 +239,8 @@ impl Sampler for Explicit {
         let count = self.growth.members().len();
         let scale = self.scale.as_ref().filter(|_| count > 0)?;
         let most = self.most.min(self.parts.len());
-        let mut text = format!("function {count} of {most}");
+        let [counted, pixels] = scale.counted;
+        let mut text = format!("function {count} of {most} by {counted} of {pixels} pixels");
         if !matches!(self.set.kind(), Kind::Shifted(_)) {
             text += &format!(": what is left of the bound (6.7) {:.1} %", 100.0 * scale.bound.share());
         }
