@@ -13,6 +13,7 @@ mod lamps;
 mod layers;
 mod lights;
 mod look;
+mod matte_effect;
 mod patterns;
 mod photographs;
 mod plugin;
