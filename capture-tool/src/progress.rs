@@ -118,6 +118,15 @@ impl Progress {
     }
 }
 
+impl Progress {
+    /// Says how far the work has come, behind what is being done.
+    pub fn say(&self, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(format!("{}, {text}", self.what));
+        }
+    }
+}
+
 impl Drop for Progress {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {

@@ -97,7 +97,7 @@ pub(crate) fn tool(subcommand: &str) -> Command {
 }
 
 /// Runs; expects exit code 1 and all words in the message.
-fn refuse(command: &mut Command, words: &[&str]) -> String {
+pub(crate) fn refuse(command: &mut Command, words: &[&str]) -> String {
     let output = run(command);
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");

@@ -7,6 +7,7 @@ mod compact;
 mod compression;
 mod evaluate;
 mod exchange;
+mod explicit;
 mod hdr;
 mod host_self;
 mod lamps;

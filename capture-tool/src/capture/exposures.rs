@@ -49,7 +49,7 @@ impl<'a> Exposures<'a> {
                     (Some(times), _) | (None, Some(times)) => times.clone(),
                     (None, None) => self.choose(*of, session, log)?,
                 };
-                scaled(&series, *factor, camera)
+                scaled(&series, *factor, self.rig.exposure_limits())
             }
         };
         Ok(times.into_iter().map(|time_s| setting(camera, time_s)).collect())
@@ -70,7 +70,7 @@ impl<'a> Exposures<'a> {
             let expected = "previews, which come before; or times_s in the rig file";
             return Err(Error::invalid("the exposure times", "no preview to choose them from", expected));
         };
-        let can = settable(camera);
+        let can = settable(self.rig.exposure_limits());
         let exposures: Vec<f64> = can.iter().map(|time_s| relative(&setting(camera, *time_s))).collect();
         let chosen = series::choose(&extent, developer.merger(), camera.iso, &exposures, &wanted)?;
         let time_of = |exposure: &f64| can[exposures.iter().position(|known| known == exposure).unwrap_or_default()];
@@ -124,15 +124,13 @@ fn setting(camera: &CameraRig, time_s: f64) -> Exposure {
 }
 
 /// The times that a camera can be set to.
-fn settable(camera: &CameraRig) -> Vec<f64> {
-    let [fastest, slowest] = camera.limits_s;
+fn settable([fastest, slowest]: [f64; 2]) -> Vec<f64> {
     let count = ((slowest / fastest).log2() * STEPS_PER_STOP).floor() as i32;
     (0..=count).map(|n| fastest * (f64::from(n) / STEPS_PER_STOP).exp2()).collect()
 }
 
 /// A series times a factor, within what the camera can do; times that fall together count once.
-fn scaled(series: &[f64], factor: f64, camera: &CameraRig) -> Vec<f64> {
-    let [fastest, slowest] = camera.limits_s;
+fn scaled(series: &[f64], factor: f64, [fastest, slowest]: [f64; 2]) -> Vec<f64> {
     let mut times: Vec<f64> = series.iter().map(|t| (t * factor).clamp(fastest, slowest)).collect();
     times.dedup();
     times

@@ -12,6 +12,7 @@
 //! | [`Step`], [`Sampler`] | what is asked for next, and for what |
 //! | [`scan`] | the conditions of a stage, in order |
 //! | [`patterns`] | the conditions of a screen or a projector |
+//! | [`explicit`] | basis functions of a screen, chosen by what was seen (6.6) |
 //! | [`plan`] | how many photographs, how long, how much disk; what is missing |
 //! | [`run`] | the loop |
 //! | `shoot` | one photograph: emit, expose, store; busy devices are asked again |
@@ -20,6 +21,7 @@
 //! | [`log`] | a line a photograph |
 
 pub mod contact;
+pub mod explicit;
 mod exposures;
 pub mod log;
 pub mod patterns;
@@ -88,6 +90,11 @@ pub trait Sampler {
 
     /// Steps in all, as far as is known.
     fn expected(&self) -> u64;
+
+    /// What it makes of what it was told, in a few words, for the progress line and the log.
+    fn said(&self) -> Option<String> {
+        None
+    }
 }
 
 /// A sampler that ignores what is seen: a list.

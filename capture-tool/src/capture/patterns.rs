@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use relume_core::domain::Plane;
-use relume_core::domain::patterns::{Kind, Noise, PatternSet};
+use relume_core::domain::patterns::{Element, Kind, Noise, PatternSet};
 use relume_core::{Error, Result};
 
 use super::{Step, Times};
-use crate::rigs::{Condition, GantryRig, MonitorRig, RigFile};
+use crate::rigs::{Condition, GantryRig, MonitorRig, PartsChoice, RigFile};
 use crate::session::Role;
 
 /// Pattern sets by name, as conditions call them.
@@ -23,6 +23,10 @@ pub enum Samples {
     Noise,
     /// Horizontal and vertical sets of squares (7.5).
     Crossed,
+    /// Basis functions of a wavelet, chosen while they are shown (6.6).
+    Functions,
+    /// None: the object is away.
+    Bare,
 }
 
 impl Samples {
@@ -32,6 +36,8 @@ impl Samples {
             Samples::Squares => "squares",
             Samples::Noise => "noise",
             Samples::Crossed => "hv",
+            Samples::Functions => "wavelet",
+            Samples::Bare => "none",
         }
     }
 }
@@ -47,15 +53,23 @@ pub fn sets(rig: &RigFile, samples: Samples, seed: u64) -> Result<Sets> {
         (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
     };
     let mut sets = Sets::new();
+    let wavelet = || rig.monitor.as_ref().map_or("haar", |m| m.wavelet.as_str()).parse();
     let kind = match samples {
-        Samples::Squares => Kind::Squares { side: squares },
-        Samples::Crossed => Kind::Crossed { side: squares, influence },
+        Samples::Squares => Some(Kind::Squares { side: squares }),
+        Samples::Crossed => Some(Kind::Crossed { side: squares, influence }),
         Samples::Noise => {
-            let (count, wavelet) = rig.monitor.as_ref().map_or((0, "haar"), |m| (m.noise, m.wavelet.as_str()));
-            Kind::Noise(Noise { wavelet: wavelet.parse()?, count, seed, deviation: Noise::DEVIATION })
+            let count = rig.monitor.as_ref().map_or(0, |m| m.noise);
+            Some(Kind::Noise(Noise { wavelet: wavelet()?, count, seed, deviation: Noise::DEVIATION }))
         }
+        Samples::Functions => Some(match rig.monitor.as_ref().map(|m| m.parts) {
+            Some(PartsChoice::Shifted) => Kind::Shifted(wavelet()?),
+            _ => Kind::Wavelet(wavelet()?),
+        }),
+        Samples::Bare => None,
     };
-    sets.insert(samples.set().to_owned(), PatternSet::new(kind, plane)?);
+    if let Some(kind) = kind {
+        sets.insert(samples.set().to_owned(), PatternSet::new(kind, plane)?);
+    }
     for name in &rig.calibration.patterns {
         let kind = match name.as_str() {
             "ramp" => Kind::Ramp,
@@ -67,7 +81,8 @@ pub fn sets(rig: &RigFile, samples: Samples, seed: u64) -> Result<Sets> {
     Ok(sets)
 }
 
-/// The steps of a screen or a projector.
+/// The steps of a screen or a projector, all of them where they are known beforehand. Of [`Samples::Functions`] those before
+/// the first function: black and white twice, for their noise.
 pub fn steps(rig: &RigFile, sets: &Sets, samples: Samples) -> Vec<Step> {
     let positions = rig.gantry.as_ref().map_or(1, |gantry| gantry.positions.count());
     let mut steps: Vec<Step> = Vec::new();
@@ -95,9 +110,11 @@ pub fn steps(rig: &RigFile, sets: &Sets, samples: Samples) -> Vec<Step> {
         }
     }
     let count = sets.get(samples.set()).map_or(0, PatternSet::len);
+    let times = if samples == Samples::Functions { 2 } else { 1 };
+    let count = if samples == Samples::Functions { 0 } else { count };
     for stop in 0..positions {
-        add(Condition::Black { stop }, Role::Black, usual());
-        add(Condition::White { stop }, Role::AllLit, usual());
+        (0..times).for_each(|_| add(Condition::Black { stop }, Role::Black, usual()));
+        (0..times).for_each(|_| add(Condition::White { stop }, Role::AllLit, usual()));
         for number in 0..count {
             let set = samples.set().to_owned();
             add(Condition::Pattern { set, number, stop }, Role::Sample, usual());
@@ -106,9 +123,34 @@ pub fn steps(rig: &RigFile, sets: &Sets, samples: Samples) -> Vec<Step> {
     steps
 }
 
+/// The photographs of so many functions, were they taken coarsest first: how many there will be at most.
+pub fn functions(set: &PatternSet, count: usize, first: u64) -> Vec<Step> {
+    let mut shown = 0;
+    let belongs = |number: &usize| {
+        let second = matches!(set.element(*number), Element::Wavelet { negative: true, .. });
+        shown += usize::from(!second);
+        shown <= count
+    };
+    let step = |number: usize| Step {
+        index: first + number as u64,
+        condition: Condition::Pattern { set: Samples::Functions.set().to_owned(), number, stop: 0 },
+        role: Role::Sample,
+        times: Times::Series { of: Role::Sample, factor: 1.0 },
+        scanned: number as u64,
+    };
+    (0..set.len()).take_while(belongs).map(step).collect()
+}
+
+/// Functions among the coarser half of what explicit sampling is likely to show.
+const PREVIEWED_FUNCTION: usize = 128;
+
 /// White, the brightest; and patterns in the middle of the set, from several positions.
 fn previews(sets: &Sets, samples: Samples, positions: usize) -> Vec<Condition> {
-    let middle = sets.get(samples.set()).map_or(0, |set| set.len() / 2);
+    let Some(set) = sets.get(samples.set()) else { return vec![Condition::White { stop: 0 }] };
+    let middle = match samples {
+        Samples::Functions => (set.len() / 2).min(PREVIEWED_FUNCTION),
+        _ => set.len() / 2,
+    };
     let mut stops = vec![0, positions / 3, 2 * positions / 3];
     stops.dedup();
     let pattern = |stop: usize| Condition::Pattern { set: samples.set().to_owned(), number: middle, stop };

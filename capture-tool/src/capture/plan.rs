@@ -44,7 +44,8 @@ impl Plan {
             (None, None, None) => (1, 0.0, 0.0),
         };
         // The middle of what the camera can do, in stops.
-        let usual = (camera.limits_s[0] * camera.limits_s[1]).sqrt();
+        let [fastest, slowest] = rig.exposure_limits();
+        let usual = (fastest * slowest).sqrt();
         let mut plan = Self {
             photographs: BTreeMap::new(),
             frames: 0,

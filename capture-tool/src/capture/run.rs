@@ -99,6 +99,7 @@ pub fn run(
         taken: 0,
         begun: Instant::now(),
         limits,
+        told: None,
     };
     let ended = run.steps(session, &mut *powered.rig, devices.1, sampler);
     // On a full disk the first error is the one to tell.
@@ -122,6 +123,8 @@ struct Run<'a> {
     taken: u64,
     begun: Instant,
     limits: &'a Limits,
+    /// What the sampler said last.
+    told: Option<String>,
 }
 
 impl Run<'_> {
@@ -141,6 +144,9 @@ impl Run<'_> {
             if let Some(answer) = session.answer(step.index) {
                 check_same(&step, answer)?;
                 if replaced.is_none() {
+                    if self.progress.step(step.index, sampler.expected()).is_err() {
+                        return Ok(End::Asked);
+                    }
                     sampler.observe(&step, answer)?;
                     continue;
                 }
@@ -155,9 +161,19 @@ impl Run<'_> {
             }
             if let Some(answer) = session.answer(step.index) {
                 sampler.observe(&step, answer)?;
+                self.tell(sampler);
             }
         }
         Ok(End::Complete)
+    }
+
+    /// What the sampler makes of it, once.
+    fn tell(&mut self, sampler: &dyn Sampler) {
+        if let Some(said) = sampler.said().filter(|said| self.told.as_ref() != Some(said)) {
+            self.progress.say(&said);
+            self.log.line(&said);
+            self.told = Some(said);
+        }
     }
 
     fn wants_to_end(&mut self, done: u64, expected: u64) -> Option<End> {

@@ -77,7 +77,7 @@ fn calibration(rig: &RigFile, lamps: &Lamps, list: &mut List) {
 
 /// The times of previews: from the shortest to the longest of the camera.
 pub fn preview_times(rig: &RigFile) -> Vec<f64> {
-    let [fastest, slowest] = rig.camera.limits_s;
+    let [fastest, slowest] = rig.exposure_limits();
     let stops = (slowest / fastest).log2();
     let count = (stops / PREVIEW_STOPS).ceil().max(1.0);
     (0..=count as u32).map(|n| fastest * (stops * f64::from(n) / count).exp2()).map(|t| t.min(slowest)).collect()

@@ -12,7 +12,8 @@ use super::values;
 use crate::capture::patterns::{self, Samples, Sets};
 use crate::capture::plan::Plan;
 use crate::capture::run::{End, Limits, Outcome, run};
-use crate::capture::{Listed, Step, Times, scan};
+use crate::capture::explicit::Explicit;
+use crate::capture::{Listed, Sampler, Step, Times, scan};
 use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{VirtualCamera, Window};
 use crate::devices::{Camera, Finding, Trouble};
@@ -38,6 +39,9 @@ Examples:
   relume capture --session vase --resume --redo 37,52-60
   relume capture presets/rigs/virtual-monitor.toml --session glass --sampler noise --only calibration
   relume capture --session glass --resume --reference sunset.png
+  relume capture presets/rigs/virtual-monitor.toml --session jar --sampler explicit --functions 600
+  relume capture --session jar --resume --functions 1200 --threshold 0.002
+  relume capture presets/rigs/virtual-monitor.toml --session bare --bare
 
 The scene of a virtual rig is computed once and kept in the cache folder (the variable RELUME_CACHE, or the system's).
 Ctrl-C finishes the photograph in flight, switches the lamps off and says how to go on; a second one gives up the photograph in
@@ -70,6 +74,16 @@ pub struct Arguments {
     /// Take a part of the photographs alone.
     #[arg(long, value_enum)]
     only: Option<Part>,
+    /// With --sampler explicit: show so many basis functions at most [default: the rig file's].
+    #[arg(long, value_name = "N", value_parser = values::at_least_one)]
+    functions: Option<usize>,
+    /// With --sampler explicit: places that weigh less than this share of the white screen get no finer functions; 0: all that
+    /// are more than noise do [default: the rig file's].
+    #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = values::share)]
+    threshold: Option<f64>,
+    /// Photograph the bare screen, the object taken away: calibration patterns, black, white, and what --reference shows later.
+    #[arg(long, conflicts_with_all = ["sampler", "functions", "threshold"])]
+    bare: bool,
     /// Show this picture on the screen, photograph it, and nothing else: what a relit picture is to be held against (6.3).
     #[arg(long, value_name = "IMG", requires = "resume", conflicts_with_all = ["redo", "only"])]
     reference: Option<PathBuf>,
@@ -93,15 +107,24 @@ enum SamplerChoice {
     Noise,
     /// Sets of every d-th square of a projector's rows and columns.
     Separable,
+    /// Basis functions of a wavelet on a screen: what was seen of some decides which come next.
+    Explicit,
+    /// Of --bare.
+    #[value(skip)]
+    Bare,
 }
 
 impl SamplerChoice {
+    const ALL: [Self; 5] = [Self::Scan, Self::Noise, Self::Separable, Self::Explicit, Self::Bare];
+
     /// The id in session files.
     fn id(self) -> &'static str {
         match self {
             Self::Scan => "scan",
             Self::Noise => "noise",
             Self::Separable => "separable",
+            Self::Explicit => "explicit",
+            Self::Bare => "bare",
         }
     }
 }
@@ -118,6 +141,7 @@ struct Job {
     sampler: SamplerChoice,
     /// Pattern sets of a screen or projector.
     sets: Sets,
+    /// Known steps; of explicit sampling those before the first function.
     steps: Vec<Step>,
     limits: Limits,
     /// The picture to be shown and photographed, with its name in the session.
@@ -193,8 +217,14 @@ impl Arguments {
                 let advice = if is_session { "; to go on with it, add --resume" } else { "" };
                 anyhow::bail!("{error}{advice}");
             }
-            let usual = if rig.kind == Kind::Monitor { SamplerChoice::Noise } else { SamplerChoice::Scan };
-            return Ok((rig, self.sampler.unwrap_or(usual)));
+            let usual = match (self.bare, rig.kind) {
+                (true, Kind::Monitor) => SamplerChoice::Bare,
+                (true, _) => anyhow::bail!("--bare: only a rig with a screen has a bare screen"),
+                (false, Kind::Monitor) => SamplerChoice::Noise,
+                (false, _) => SamplerChoice::Scan,
+            };
+            let sampler = self.sampler.unwrap_or(usual);
+            return Ok((self.with_flags(rig, sampler)?, sampler));
         }
         let found = Description::read(&self.session)?;
         let place = self.session.display();
@@ -202,28 +232,48 @@ impl Arguments {
             anyhow::bail!("{place}: a session of imported photographs; `relume pack` makes a field of it");
         };
         if let Some(path) = &self.rig {
+            let mut rig = RigFile::read(path)?;
+            // How far explicit sampling goes is no part of what the rig is.
+            if let (Some(asked), Some(begun)) = (&mut rig.monitor, &capture.rig.monitor) {
+                (asked.functions, asked.threshold) = (begun.functions, begun.threshold);
+            }
             anyhow::ensure!(
-                RigFile::read(path)? == capture.rig,
+                rig == capture.rig,
                 "{}: not the rig that {place} was begun with; leave it out to go on, or begin a new session",
                 path.display()
             );
         }
-        let begun = SamplerChoice::value_variants().iter().find(|known| known.id() == capture.sampler);
+        let begun = SamplerChoice::ALL.iter().find(|known| known.id() == capture.sampler);
         let Some(begun) = begun else { anyhow::bail!("{place}: a sampler called `{}` is not known", capture.sampler) };
-        let asked = self.sampler.unwrap_or(*begun);
-        anyhow::ensure!(
-            asked == *begun,
-            "{place}: begun with --sampler {}; begin a new session for another",
-            begun.id()
-        );
-        Ok((capture.rig, asked))
+        let asked = if self.bare { SamplerChoice::Bare } else { self.sampler.unwrap_or(*begun) };
+        let with = |choice: SamplerChoice| match choice {
+            SamplerChoice::Bare => "--bare".to_owned(),
+            other => format!("--sampler {}", other.id()),
+        };
+        anyhow::ensure!(asked == *begun, "{place}: begun with {}; begin a new session for another", with(*begun));
+        Ok((self.with_flags(capture.rig, asked)?, asked))
+    }
+
+    /// The rig, with what flags say of explicit sampling.
+    fn with_flags(&self, mut rig: RigFile, sampler: SamplerChoice) -> anyhow::Result<RigFile> {
+        if self.functions.is_none() && self.threshold.is_none() {
+            return Ok(rig);
+        }
+        let explicit = sampler == SamplerChoice::Explicit;
+        let Some(monitor) = rig.monitor.as_mut().filter(|_| explicit) else {
+            anyhow::bail!("--functions and --threshold are for --sampler explicit on a screen");
+        };
+        monitor.functions = self.functions.unwrap_or(monitor.functions);
+        monitor.threshold = self.threshold.unwrap_or(monitor.threshold);
+        Ok(rig)
     }
 
     /// What `--plan` prints. Starts nothing, writes nothing.
     fn told(&self, job: &Job) -> anyhow::Result<String> {
-        let wanted = job.steps.iter().filter(|step| !job.limits.only_calibration || step.is_calibration());
+        let all = job.planned();
+        let wanted = all.iter().filter(|step| !job.limits.only_calibration || step.is_calibration());
         let told = Plan::new(&job.rig, wanted);
-        let mut findings = vec![told.room(&self.session), virtual_scene(&job.rig)?];
+        let mut findings = vec![told.room(&self.session), virtual_scene(&job.rig, job.sampler)?];
         if !self.resume {
             findings.extend(new_folder::check(&self.session).err().map(|error| Finding::missing(error.to_string())));
         }
@@ -232,7 +282,7 @@ impl Arguments {
 
     fn carry_out(&self, job: &Job) -> anyhow::Result<String> {
         let rig = &job.rig;
-        let room = Plan::new(rig, job.steps.iter()).room(&self.session);
+        let room = Plan::new(rig, job.planned().iter()).room(&self.session);
         anyhow::ensure!(room.fine || self.resume, "{}; make room first, or see --plan", room.text);
         let (mut emitter, mut camera) = self.devices(job)?;
         let findings: Vec<Finding> = emitter.preflight().into_iter().chain(camera.preflight()).collect();
@@ -249,9 +299,16 @@ impl Arguments {
             std::fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
             copy_whole(path, &folder.join(name))?;
         }
-        let mut sampler = Listed::new(job.steps.clone());
-        let ended = run(&mut session, rig, (&mut *emitter, &mut camera), &mut sampler, &job.limits);
-        self.report(&session, job, ended)
+        let mut sampler = self.sampler(job)?;
+        let ended = run(&mut session, rig, (&mut *emitter, &mut camera), &mut *sampler, &job.limits);
+        self.report(&session, job, &*sampler, ended)
+    }
+
+    fn sampler(&self, job: &Job) -> anyhow::Result<Box<dyn Sampler>> {
+        Ok(match job.chooses() {
+            true => Box::new(Explicit::new(&self.session, &job.rig, job.steps.clone(), &job.sets)?),
+            false => Box::new(Listed::new(job.steps.clone())),
+        })
     }
 
     fn devices(&self, job: &Job) -> anyhow::Result<(Box<dyn Rig>, VirtualCamera)> {
@@ -267,7 +324,8 @@ impl Arguments {
             Kind::Monitor | Kind::Gantry => {
                 let references = self.session.join(REFERENCES);
                 let faults = &self.rehearse;
-                Box::new(VirtualEmitter::new(rig, job.sets.clone(), references, window.clone(), faults, &mut progress)?)
+                let (bare, sets) = (job.sampler == SamplerChoice::Bare, job.sets.clone());
+                Box::new(VirtualEmitter::new(rig, bare, sets, references, window.clone(), faults, &mut progress)?)
             }
         };
         Ok((emitter, VirtualCamera::new(sensor(rig), window, &self.rehearse)))
@@ -293,10 +351,21 @@ impl Arguments {
     }
 
     /// How it ended, and what to do next.
-    fn report(&self, session: &Session, job: &Job, ended: Result<Outcome, Trouble>) -> anyhow::Result<String> {
+    fn report(
+        &self,
+        session: &Session,
+        job: &Job,
+        sampler: &dyn Sampler,
+        ended: Result<Outcome, Trouble>,
+    ) -> anyhow::Result<String> {
         let place = self.session.display();
-        let answered = job.steps.iter().filter(|step| session.answer(step.index).is_some()).count();
-        let state = format!("{place}: {answered} of {} photographs", job.steps.len());
+        let steps: Vec<u64> = match job.chooses() {
+            true => (0..sampler.expected()).collect(),
+            false => job.steps.iter().map(|step| step.index).collect(),
+        };
+        let answered = steps.iter().filter(|step| session.answer(**step).is_some()).count();
+        let state = format!("{place}: {answered} of {} photographs", steps.len());
+        let said = sampler.said().map_or_else(String::new, |said| format!("{said}\n"));
         let resume = format!("go on with: relume capture --session {place} --resume");
         match ended {
             Err(trouble) => Err(anyhow::anyhow!("{trouble}; {state} are safe; {resume}")),
@@ -307,13 +376,33 @@ impl Arguments {
             Ok(Outcome { end: End::Complete, taken }) if job.limits.only_calibration => {
                 Ok(format!("{state} ({taken} taken now); calibration is complete; {resume}\n"))
             }
+            Ok(Outcome { end: End::Complete, taken }) if job.sampler == SamplerChoice::Bare => {
+                Ok(format!("{state} of the bare screen ({taken} taken now); pictures: {resume} --reference IMG\n"))
+            }
             Ok(Outcome { end: End::Complete, taken }) => {
-                Ok(format!("{state} ({taken} taken now)\nnext: relume pack {place} -o {place}.rfield\n"))
+                Ok(format!("{state} ({taken} taken now)\n{said}next: relume pack {place} -o {place}.rfield\n"))
             }
             Ok(Outcome { end: End::Time | End::Photos, taken }) => {
-                Ok(format!("{state} ({taken} taken now); {resume}\n"))
+                Ok(format!("{state} ({taken} taken now)\n{said}{resume}\n"))
             }
         }
+    }
+}
+
+impl Job {
+    /// Are steps chosen by what is seen?
+    fn chooses(&self) -> bool {
+        self.sampler == SamplerChoice::Explicit && self.picture.is_none()
+    }
+
+    /// All steps, as many as there may be.
+    fn planned(&self) -> Vec<Step> {
+        let mut steps = self.steps.clone();
+        let functions = self.rig.monitor.as_ref().map_or(0, |monitor| monitor.functions);
+        if let Some(set) = self.sets.get(Samples::Functions.set()).filter(|_| self.chooses()) {
+            steps.extend(patterns::functions(set, functions, self.steps.len() as u64));
+        }
+        steps
     }
 }
 
@@ -327,8 +416,10 @@ fn steps(rig: &RigFile, sampler: SamplerChoice) -> anyhow::Result<(Sets, Vec<Ste
         (Kind::Monitor | Kind::Gantry, SamplerChoice::Scan) => Samples::Squares,
         (Kind::Monitor, SamplerChoice::Noise) => Samples::Noise,
         (Kind::Gantry, SamplerChoice::Separable) => Samples::Crossed,
+        (Kind::Monitor, SamplerChoice::Explicit) => Samples::Functions,
+        (Kind::Monitor, SamplerChoice::Bare) => Samples::Bare,
         (Kind::Stage, _) => anyhow::bail!("--sampler {}: a stage is scanned", sampler.id()),
-        (Kind::Monitor, _) => anyhow::bail!("--sampler {}: a screen takes scan or noise", sampler.id()),
+        (Kind::Monitor, _) => anyhow::bail!("--sampler {}: a screen takes scan, noise or explicit", sampler.id()),
         (Kind::Gantry, _) => anyhow::bail!("--sampler {}: a projector takes scan or separable", sampler.id()),
     };
     let sets = patterns::sets(rig, samples, rig.simulation.seed)?;
@@ -350,10 +441,10 @@ fn sensor(rig: &RigFile) -> Sensor {
     }
 }
 
-fn virtual_scene(rig: &RigFile) -> anyhow::Result<Finding> {
+fn virtual_scene(rig: &RigFile, sampler: SamplerChoice) -> anyhow::Result<Finding> {
     let path = match rig.kind {
         Kind::Stage => virtual_stage::cached(rig)?,
-        Kind::Monitor | Kind::Gantry => virtual_emitter::cached(rig)?,
+        Kind::Monitor | Kind::Gantry => virtual_emitter::cached(rig, sampler == SamplerChoice::Bare)?,
     };
     Ok(Finding::fine(if path.is_file() {
         format!("virtual scene: traced, {}", path.display())

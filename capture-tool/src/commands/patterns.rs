@@ -370,7 +370,7 @@ impl Plan {
         let (columns, rows) = self.set.plane().size();
         let (mut wavelet, mut seed, mut deviation, mut side, mut influence) = (None, None, None, None, None);
         match self.set.kind() {
-            Kind::Wavelet(w) => wavelet = Some(w.id().to_owned()),
+            Kind::Wavelet(w) | Kind::Shifted(w) => wavelet = Some(w.id().to_owned()),
             Kind::Noise(noise) => {
                 wavelet = Some(noise.wavelet.id().to_owned());
                 seed = Some(noise.seed);

@@ -198,6 +198,12 @@ pub fn circle(text: &str) -> Result<Circle, String> {
     if radius > 0.0 { Ok(Circle { x, y, radius }) } else { Err("the radius is not positive".to_owned()) }
 }
 
+/// A share, 0 to 1.
+pub fn share(text: &str) -> Result<f64, String> {
+    let share = finite(text)?;
+    if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("not a share, 0 to 1".to_owned()) }
+}
+
 /// A finite number.
 pub fn finite(text: &str) -> Result<f64, String> {
     match f64::from_str(text) {

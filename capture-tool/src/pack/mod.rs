@@ -12,14 +12,20 @@
 //! |---|---|
 //! | [`records`] | which photograph counts for what; files checked against their hashes |
 //! | [`develop`] | black level, response, brackets to light |
+//! | [`covered`] | which pixels see the object, and not the screen itself |
+//! | [`explicit`] | pictures under the basis functions of a screen |
 //! | [`lamps`] | irradiances from the white ball |
 //! | [`checks`] | movement, drift, linearity |
 //! | [`stage`] | `T` of a stage |
+//! | [`screen`] | `T` of a screen |
 
 pub mod checks;
+pub mod covered;
 pub mod develop;
+pub mod explicit;
 pub mod lamps;
 pub mod records;
+pub mod screen;
 pub mod stage;
 #[cfg(test)]
 mod tests;

@@ -4,15 +4,43 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
+use relume_core::domain::EmitterCurve;
 use relume_core::files::folder_of;
 use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result};
 
-use super::file::{Kind, RigFile};
+use super::file::{EmitterChoice, Kind, RigFile};
 use crate::session::one_line;
 
 /// Version of rig files.
 const VERSION: u32 = 1;
+
+impl EmitterChoice {
+    /// With the numbers of the file it names, which lies in `folder`.
+    fn resolved(&self, folder: &Path) -> Result<Self> {
+        let Self::File(name) = self else { return Ok(self.clone()) };
+        let curve = EmitterCurve::read(&folder.join(name))?;
+        Ok(Self::Measured((0..=255).map(|code| curve.light(f64::from(code) / 255.0)).collect()))
+    }
+
+    /// The curve.
+    ///
+    /// # Errors
+    /// Numbers that are no curve, as somebody may have written them into a session.
+    pub fn curve(&self) -> Result<EmitterCurve> {
+        match self {
+            Self::Linear => Ok(EmitterCurve::Linear),
+            Self::Srgb => Ok(EmitterCurve::Srgb),
+            Self::File(name) => EmitterCurve::read(Path::new(name)),
+            Self::Measured(light) => {
+                let place = "the measured curve of the rig";
+                let light = <[f64; 256]>::try_from(light.as_slice());
+                let light = light.map_err(|_| Error::invalid(place, "another number of codes", "256 of them"))?;
+                EmitterCurve::table(place, light)
+            }
+        }
+    }
+}
 
 impl RigFile {
     /// Reads and checks a rig file.
@@ -40,6 +68,10 @@ impl RigFile {
             return Err(Error::invalid(place, found, format!("version = {VERSION}; a newer tool reads newer files")));
         }
         rig.check(&place)?;
+        let curves = [rig.monitor.as_mut().map(|m| &mut m.curve), rig.gantry.as_mut().map(|g| &mut g.curve)];
+        for curve in curves.into_iter().flatten() {
+            *curve = curve.resolved(folder_of(path))?;
+        }
         let stage = rig.stage.as_mut().map(|stage| (&mut stage.lamps, "[stage.lamps]"));
         let gantry = rig.gantry.as_mut().map(|gantry| (&mut gantry.positions, "[gantry.positions]"));
         if let Some((lamps, table)) = stage.or(gantry) {
@@ -47,6 +79,14 @@ impl RigFile {
             lamps.check(&format!("{place}, {table}"))?;
         }
         Ok(rig)
+    }
+
+    /// The shortest and the longest exposure, seconds: what the camera can do, and no shorter than one picture of the screen,
+    /// of which a photograph would show a part (6.3).
+    pub fn exposure_limits(&self) -> [f64; 2] {
+        let refresh = self.monitor.as_ref().map_or(0.0, |monitor| 1.0 / monitor.refresh_hz);
+        let [fastest, slowest] = self.camera.limits_s;
+        [fastest.max(refresh), slowest]
     }
 
     fn check(&self, place: &str) -> Result<()> {
@@ -99,6 +139,9 @@ impl RigFile {
             (Kind::Gantry, "gantry", self.gantry.is_some()),
         ];
         for (kind, name, there) in tables {
+            if kind == Kind::Monitor && !there && !self.simulation.scene.is_mixed() {
+                return refuse(place, "scene", format!("{:?}", self.simulation.scene), "a rig with a screen");
+            }
             if there && kind != self.kind {
                 let found = format!("a [{name}] table in a rig of another kind");
                 return refuse(place, "kind", found, "the table of its kind alone");
@@ -138,6 +181,25 @@ impl RigFile {
         Ok(())
     }
 
+    /// A screen is drawn again and again: a photograph that is shorter than one refresh shows a part of it.
+    fn check_refresh(&self, place: &str, refresh_hz: f64) -> Result<()> {
+        let lists =
+            [("times_s", self.camera.times_s.as_ref()), ("response_times_s", Some(&self.calibration.response_times_s))];
+        let slowest = [("limits_s", Some(self.camera.limits_s[1]))];
+        let shortest = lists.map(|(key, times)| (key, times.and_then(|times| times.first()).copied()));
+        for (key, time) in shortest.into_iter().chain(slowest) {
+            if let Some(time) = time.filter(|time| *time < 1.0 / refresh_hz) {
+                let expected = format!(
+                    "{:.4} s or more: a shorter exposure shows a part of the screen's picture, at refresh_hz = {refresh_hz}; \
+                     take a smaller aperture",
+                    1.0 / refresh_hz
+                );
+                return refuse(place, key, format!("{time} s"), &expected);
+            }
+        }
+        Ok(())
+    }
+
     /// Screens and projectors.
     fn check_emitter(&self, place: &str) -> Result<()> {
         let known = ["ramp", "gray-code", "stripes"];
@@ -151,12 +213,22 @@ impl RigFile {
             in_range(
                 place,
                 &[
+                    ("functions", monitor.functions, 1..=1_000_000),
                     ("columns", monitor.columns, 2..=4096),
                     ("rows", monitor.rows, 2..=4096),
                     ("noise", monitor.noise, 1..=100_000),
                     ("squares", monitor.squares, 1..=256),
                 ],
             )?;
+            in_range(
+                place,
+                &[
+                    ("threshold", monitor.threshold, 0.0..=1.0),
+                    ("smoothness", monitor.smoothness, 0.0..=10.0),
+                    ("refresh_hz", monitor.refresh_hz, 1.0..=10_000.0),
+                ],
+            )?;
+            self.check_refresh(place, monitor.refresh_hz)?;
         }
         if let Some(gantry) = &self.gantry {
             in_range(place, &[("squares", gantry.squares, 1..=256), ("influence", gantry.influence, 1..=256)])?;

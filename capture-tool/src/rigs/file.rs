@@ -88,6 +88,33 @@ pub struct MonitorRig {
     /// Squares along each side of the screen (sampler `scan`).
     #[serde(default = "sixteen")]
     pub squares: usize,
+    /// Basis functions at most (sampler `explicit`).
+    #[serde(default = "functions")]
+    pub functions: usize,
+    /// Places that weigh less than this share of the white screen get no finer functions (sampler `explicit`); 0: all that are
+    /// more than noise do.
+    #[serde(default)]
+    pub threshold: f64,
+    /// c_s of equation 6.6: how smooth the light will be (sampler `explicit`).
+    #[serde(default = "any_light")]
+    pub smoothness: f64,
+    /// How functions that swing below zero are shown (sampler `explicit`).
+    #[serde(default)]
+    pub parts: PartsChoice,
+    /// Pictures a second that the screen makes: no exposure is shorter than one of them.
+    #[serde(default = "sixty")]
+    pub refresh_hz: f64,
+}
+
+/// How light below zero is shown (6.6.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum PartsChoice {
+    /// Two photographs: the positive part and the negative one.
+    #[default]
+    Split,
+    /// One, about mid-grey.
+    Shifted,
 }
 
 /// A projector on an arm over a turntable (7.3).
@@ -116,8 +143,8 @@ pub struct GantryRig {
     pub positions: Lamps,
 }
 
-/// What an emitter makes of codes, as far as it is known before it is measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// What an emitter makes of codes: it is inverted before patterns are shown (6.3).
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EmitterChoice {
     /// Light in proportion.
@@ -125,6 +152,10 @@ pub enum EmitterChoice {
     /// The sRGB curve.
     #[default]
     Srgb,
+    /// Measured: a file as `relume calibrate gamma` writes it, in a rig file beside it.
+    File(String),
+    /// Measured: light of each code, as sessions keep it.
+    Measured(Vec<f64>),
 }
 
 /// A camera.
@@ -226,6 +257,9 @@ pub struct Simulation {
     /// Start of all random numbers.
     #[serde(default = "one")]
     pub seed: u64,
+    /// What stands before a virtual screen.
+    #[serde(default, skip_serializing_if = "SceneChoice::is_mixed")]
+    pub scene: SceneChoice,
     /// Irradiance of a lamp on a patch that faces it, in the camera's unit: code white is `irradiance / pi * albedo * time * ISO / 100 / N^2 = 1`.
     pub irradiance: f64,
     /// Lamps differ by so much, standard deviation, as a share.
@@ -239,6 +273,24 @@ pub struct Simulation {
     pub ambient: f64,
     /// The sensor.
     pub sensor: SensorSettings,
+}
+
+/// Bodies before a virtual screen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum SceneChoice {
+    /// Glass, mirror, glossy and diffuse bodies.
+    #[default]
+    Mixed,
+    /// Coloured cubes on a pale floor, all diffuse: soft shadows (figure 6.14).
+    Diffuse,
+}
+
+impl SceneChoice {
+    /// Is it the usual one?
+    pub fn is_mixed(&self) -> bool {
+        *self == Self::Mixed
+    }
 }
 
 /// The curve of a virtual sensor.
@@ -283,6 +335,18 @@ fn four() -> usize {
 
 fn noise_count() -> usize {
     256
+}
+
+fn functions() -> usize {
+    400
+}
+
+fn any_light() -> f64 {
+    1.0
+}
+
+fn sixty() -> f64 {
+    60.0
 }
 
 fn haar() -> String {

@@ -7,13 +7,13 @@ use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
 use relume_core::domain::patterns::PatternSet;
-use relume_core::domain::{Bits, Emitter, EmitterCurve};
+use relume_core::domain::{Bits, Emitter};
 use relume_core::image::{Encoding, Image, read};
 use relume_core::simulate::{Camera, Gantry, Monitor, Progress, Quality, Rows, Scene, Screen};
 use relume_core::{Error, Result};
 
 use super::cache;
-use super::{Condition, EmitterChoice, GantryRig, Rig, RigFile};
+use super::{Condition, GantryRig, MonitorRig, Rig, RigFile, SceneChoice};
 use crate::capture::Step;
 use crate::capture::patterns::Sets;
 use crate::devices::rehearsal::Fault;
@@ -39,28 +39,26 @@ pub struct VirtualEmitter {
 }
 
 impl VirtualEmitter {
-    /// Opens (or first traces) the scene. `references` is where pictures to be shown lie. `progress(rows done, rows)` may stop it.
+    /// Opens (or first traces) the scene. `references` is where pictures to be shown lie; `bare` takes the bodies away.
+    /// `progress(rows done, rows)` may stop it.
     ///
     /// # Errors
     /// A cache folder that cannot be written to; a request to stop.
     pub fn new(
         rig: &RigFile,
+        bare: bool,
         sets: Sets,
         references: PathBuf,
         window: Window,
         faults: &[Fault],
         progress: &mut Progress<'_>,
     ) -> Result<Self> {
-        let rows = traced(rig, progress)?;
+        let rows = traced(rig, bare, progress)?;
         let white = [rig.simulation.irradiance as f32; 3];
         let (display, curve) = match (&rig.monitor, &rig.gantry) {
-            (Some(monitor), _) => (Screen { white, ..Screen::monitor() }, monitor.curve),
-            (None, Some(gantry)) => (Screen { white, ..Screen::projector() }, gantry.curve),
+            (Some(monitor), _) => (Screen { white, ..Screen::monitor() }, monitor.curve.curve()?),
+            (None, Some(gantry)) => (Screen { white, ..Screen::projector() }, gantry.curve.curve()?),
             (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
-        };
-        let curve = match curve {
-            EmitterChoice::Linear => EmitterCurve::Linear,
-            EmitterChoice::Srgb => EmitterCurve::Srgb,
         };
         let assumed = Emitter::new(&curve, Bits::Eight);
         let rig = rig.clone();
@@ -152,9 +150,16 @@ impl Rig for VirtualEmitter {
 ///
 /// # Errors
 /// No home folder.
-pub fn cached(rig: &RigFile) -> Result<PathBuf> {
+pub fn cached(rig: &RigFile, bare: bool) -> Result<PathBuf> {
     let geometry = match (&rig.monitor, &rig.gantry) {
-        (Some(monitor), _) => format!("monitor {} {}", monitor.columns, monitor.rows),
+        (Some(monitor), _) => {
+            let scene = match (bare, rig.simulation.scene) {
+                (true, _) => " bare",
+                (false, SceneChoice::Mixed) => "",
+                (false, SceneChoice::Diffuse) => " diffuse",
+            };
+            format!("monitor {} {}{scene}", monitor.columns, monitor.rows)
+        }
         (None, Some(GantryRig { squares, distance, view_deg, positions, .. })) => {
             format!("gantry {squares} {distance} {view_deg} {:?}", positions.directions())
         }
@@ -163,8 +168,8 @@ pub fn cached(rig: &RigFile) -> Result<PathBuf> {
     cache::file(rig, &geometry, "rows")
 }
 
-fn traced(rig: &RigFile, progress: &mut Progress<'_>) -> Result<Rows> {
-    let path = cached(rig)?;
+fn traced(rig: &RigFile, bare: bool, progress: &mut Progress<'_>) -> Result<Rows> {
+    let path = cached(rig, bare)?;
     if path.is_file() {
         return Rows::load(&path);
     }
@@ -174,13 +179,22 @@ fn traced(rig: &RigFile, progress: &mut Progress<'_>) -> Result<Rows> {
     let quality = Quality { samples: simulation.samples, seed: simulation.seed, ..Quality::rig() };
     let rows = match (&rig.monitor, &rig.gantry) {
         (Some(monitor), _) => {
-            Monitor::demo(Camera::monitor(width, height), (monitor.columns, monitor.rows)).trace(&quality, progress)?
+            let there = virtual_monitor(monitor, rig.simulation.scene, Camera::monitor(width, height));
+            if bare { there.bare() } else { there }.trace(&quality, progress)?
         }
         (None, Some(gantry)) => virtual_gantry(gantry, Camera::gantry(width, height)).trace(&quality, progress)?,
         (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
     };
     rows.save(&path)?;
     Ok(rows)
+}
+
+fn virtual_monitor(rig: &MonitorRig, scene: SceneChoice, camera: Camera) -> Monitor {
+    let texels = (rig.columns, rig.rows);
+    match scene {
+        SceneChoice::Mixed => Monitor::demo(camera, texels),
+        SceneChoice::Diffuse => Monitor::cubes(camera, texels),
+    }
 }
 
 fn virtual_gantry(rig: &GantryRig, camera: Camera) -> Gantry {

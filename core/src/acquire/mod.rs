@@ -6,9 +6,12 @@
 //! | `measured` | irradiances of lamps one by one, and flat fields of near lamps |
 //! | `import_lp` | a folder of one-light-at-a-time photographs with its `.lp` file -> a container |
 //! | `import_exr` | the parts or layers of an OpenEXR file -> a container |
+//! | [`explicit`] | explicit sampling on a screen: which function next, and what it is worth (6.6) |
 //! | `surface` | normals and albedo from the reflectance functions |
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
+pub mod explicit;
+pub mod implicit;
 mod import_exr;
 mod import_lp;
 mod measured;

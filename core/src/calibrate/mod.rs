@@ -25,6 +25,7 @@
 //! | [`failed`] | lamps that were dark or hidden, found from the set's own smoothness |
 //! | [`Correction`], [`patch`], [`white`](fn@white) | white balance from a patch of known reflectance |
 //! | [`chart`] | a colour matrix from a chart of 24 patches |
+//! | [`screen`] | which place of a screen each pixel sees |
 
 pub mod ball;
 pub mod black;
@@ -39,6 +40,7 @@ pub mod movement;
 pub mod near;
 pub mod overrides;
 pub mod reflect;
+pub mod screen;
 pub mod survey;
 #[cfg(test)]
 mod tests;

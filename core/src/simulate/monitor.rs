@@ -27,9 +27,11 @@ use super::stage::{Quality, scramble};
 use super::tracer::{Collector, Tracer, Vertex};
 use super::{Progress, V3};
 
-/// Blocks across and down the screen that rough surfaces see: answers of our scenes change little within one, and a
-/// glossy lobe of width 0.3 covers several.
-const ACROSS: usize = 16;
+/// Blocks across and down the screen that rough surfaces see, unless a rig says otherwise: answers of our scenes change
+/// little within one, and a glossy lobe of width 0.3 covers several.
+pub(super) const ACROSS: usize = 16;
+/// A point in each is looked at from every surface: more would never end.
+const MOST_ACROSS: usize = 1024;
 /// The same after a bounce.
 const LATER_ACROSS: usize = 4;
 
@@ -86,6 +88,8 @@ pub struct Monitor {
     pub screen: ScreenPlane,
     /// Texels across and down: columns from the left, rows from the top.
     pub texels: (usize, usize),
+    /// Blocks across and down the screen that rough surfaces see; the work goes with their square.
+    pub blocks: usize,
 }
 
 impl Monitor {
@@ -107,6 +111,10 @@ impl Monitor {
     pub fn check(&self, place: &str) -> Result<()> {
         self.grids().check(&format!("{place}, texels"))?;
         self.camera.check(&format!("{place}, camera"))?;
+        if !(1..=MOST_ACROSS).contains(&self.blocks) {
+            let expected = format!("1 to {MOST_ACROSS} across the screen");
+            return Err(Error::invalid(format!("{place}, blocks"), self.blocks.to_string(), expected));
+        }
         let ScreenPlane { centre, right, up } = &self.screen;
         let sides = right.norm() * up.norm();
         let finite = [centre, right, up].iter().all(|v| v.iter().all(|x| x.is_finite()));
@@ -254,7 +262,7 @@ struct ScreenCollector<'a> {
 impl<'a> ScreenCollector<'a> {
     fn new(monitor: &'a Monitor) -> Self {
         let grids = monitor.grids();
-        let (first, later) = (Tiling::new(grids, ACROSS), Tiling::new(grids, LATER_ACROSS));
+        let (first, later) = (Tiling::new(grids, monitor.blocks), Tiling::new(grids, LATER_ACROSS.min(monitor.blocks)));
         Self { monitor, blocks: Blocks::new(grids, first.level), first, later, spread: Spread::new(0) }
     }
 

@@ -84,7 +84,7 @@ fn one(material: Material) -> Monitor {
         ScreenPlane { centre: V3::new(0.0, 0.0, -3.0), right: V3::new(1.6, 0.0, 0.0), up: V3::new(0.0, 1.2, 0.0) };
     let ball = Object { shape: Shape::Sphere { centre: V3::zeros(), radius: 0.5 }, material };
     let camera = Camera { width: 32, height: 24, distance: 6.5, view_rad: 18f32.to_radians() };
-    Monitor { scene: Scene { objects: vec![ball] }, camera, screen, texels: (40, 30) }
+    Monitor { scene: Scene { objects: vec![ball] }, camera, screen, texels: (40, 30), blocks: 16 }
 }
 
 /// Middle of what is lit among some pixels, in pixels to the right and upwards from the picture's middle.
@@ -172,6 +172,7 @@ fn impossible_monitors_are_refused() {
         (Monitor { screen: at(f32::NAN), ..good.clone() }, "right angles"),
         (Monitor { screen: skew, ..good.clone() }, "right angles"),
         (Monitor { texels: (0, 10), ..good.clone() }, "texels"),
+        (Monitor { blocks: 0, ..good.clone() }, "blocks"),
         (Monitor { camera: Camera { width: 0, ..good.camera }, ..good.clone() }, "camera, picture"),
         (Monitor { camera: Camera { distance: f32::NAN, ..good.camera }, ..good.clone() }, "camera, distance"),
         (Monitor { camera: Camera { view_rad: 4.0, ..good.camera }, ..good.clone() }, "camera, view"),

@@ -7,7 +7,7 @@ use super::camera::Camera;
 use super::demo::{ball, grid_lamps, on_table};
 use super::gantry::Gantry;
 use super::material::Material;
-use super::monitor::{Monitor, ScreenPlane};
+use super::monitor::{ACROSS, Monitor, ScreenPlane};
 use super::scene::{Object, Scene};
 use super::shape::Shape;
 
@@ -44,6 +44,26 @@ impl Scene {
                     0.9,
                     Material::Glossy { albedo: [0.08, 0.30, 0.14], alpha: 0.2 },
                 ),
+            ],
+        }
+    }
+}
+
+impl Scene {
+    /// Four coloured cubes on a pale floor before a screen, all diffuse: soft shadows and the light that faces give each other
+    /// (figures 6.14 and 6.15). The floor is that of [`Scene::monitor`].
+    pub fn cubes() -> Self {
+        let floor = V3::new(1.4, 0.03, 1.1);
+        let cube = |right, near, half: f32, turn, albedo| {
+            block(right, 0.002, near, V3::new(half, half, half), turn, diffuse(albedo))
+        };
+        Self {
+            objects: vec![
+                block(0.0, -0.06, 0.0, floor, 0.0, diffuse([0.70, 0.69, 0.67])),
+                cube(-0.62, -0.22, 0.20, 0.35, [0.62, 0.10, 0.08]),
+                cube(0.02, -0.45, 0.17, 0.80, [0.12, 0.42, 0.16]),
+                cube(0.60, -0.12, 0.22, 1.15, [0.10, 0.18, 0.55]),
+                cube(-0.08, 0.34, 0.15, 0.55, [0.66, 0.52, 0.10]),
             ],
         }
     }
@@ -116,6 +136,12 @@ impl Monitor {
         let up = (on_table(0.0, high, near) - on_table(0.0, low, near)) * 0.5;
         let centre = on_table(0.0, 0.5 * (low + high), near);
         let screen = ScreenPlane { centre, right: V3::new(1.45, 0.0, 0.0), up };
-        Self { scene: Scene::monitor(), camera, screen, texels }
+        Self { scene: Scene::monitor(), camera, screen, texels, blocks: ACROSS }
+    }
+
+    /// [`Scene::cubes`] before the same screen. Twice as many blocks: an answer of diffuse bodies that were constant by
+    /// 16 x 16 of them would be known entirely after 256 Haar functions.
+    pub fn cubes(camera: Camera, texels: (usize, usize)) -> Self {
+        Self { scene: Scene::cubes(), blocks: 2 * ACROSS, ..Self::demo(camera, texels) }
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! | kind | for | section |
 //! |---|---|---|
-//! | `wavelets` | the columns of S, positive and negative parts apart: explicit sampling | 6.6 |
+//! | `wavelets` | the columns of S, positive and negative parts apart, or shifted to mid-grey: explicit sampling | 6.6 |
 //! | `noise` | wavelet noise: implicit sampling | 6.7 |
 //! | `stripes` | ever finer stripes: the matte; 64 of them: the screen in the camera's pixels | 6.6.4, 6.3 |
 //! | `gray_code` | the place on the screen that a pixel sees | 6.3 |
@@ -42,6 +42,9 @@ pub use wavelets::Wavelets;
 pub enum Kind {
     /// Columns of S of a wavelet, coarsest first, each scaled to the range; positive parts, then negative ones.
     Wavelet(Wavelet),
+    /// The same, each function shifted and scaled to the range in place of split in two: `(psi / scale + 1) / 2`. Scaling
+    /// functions that are nowhere negative are shown as they are.
+    Shifted(Wavelet),
     /// Wavelet noise.
     Noise(Noise),
     /// Stripes, 2, 4, 8... until they are a texel wide, or one number of them.
@@ -69,6 +72,7 @@ impl Kind {
     pub fn id(&self) -> &'static str {
         match self {
             Self::Wavelet(_) => "wavelet",
+            Self::Shifted(_) => "wavelet-shifted",
             Self::Noise(_) => "noise",
             Self::Stripes(_) => "stripes",
             Self::GrayCode => "gray-code",
@@ -108,6 +112,20 @@ pub enum Element {
         y: u32,
         /// Whether it is the negative part.
         negative: bool,
+    },
+    /// A column of S about mid-grey.
+    Shifted {
+        /// Where its coefficient lies among all of them: row x columns + column.
+        location: u32,
+        /// 0 is the coarsest.
+        level: u32,
+        /// lh, hl, hh, or none for a scaling function.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        orientation: Option<&'static str>,
+        /// Column in its band.
+        x: u32,
+        /// Row in its band.
+        y: u32,
     },
     /// The `number`-th pattern of noise, from 0.
     Noise {
@@ -162,13 +180,21 @@ pub enum Element {
 
 impl Element {
     /// A part of the basis function at a place.
-    fn wavelet(location: u32, place: Place, negative: bool) -> Self {
-        let orientation = place.orientation.map(|orientation| match orientation {
-            Orientation::LowHigh => "lh",
-            Orientation::HighLow => "hl",
-            Orientation::HighHigh => "hh",
-        });
-        Self::Wavelet { location, level: place.level, orientation, x: place.x, y: place.y, negative }
+    fn wavelet(location: u32, Place { level, orientation, x, y }: Place, negative: bool) -> Self {
+        Self::Wavelet { location, level, orientation: orientation.map(letters), x, y, negative }
+    }
+
+    /// The basis function at a place, shifted.
+    fn shifted(location: u32, Place { level, orientation, x, y }: Place) -> Self {
+        Self::Shifted { location, level, orientation: orientation.map(letters), x, y }
+    }
+}
+
+fn letters(orientation: Orientation) -> &'static str {
+    match orientation {
+        Orientation::LowHigh => "lh",
+        Orientation::HighLow => "hl",
+        Orientation::HighHigh => "hh",
     }
 }
 
@@ -181,6 +207,9 @@ impl fmt::Display for Element {
             Self::Wavelet { level, orientation, x, y, negative, .. } => {
                 let sign = if negative { "negative" } else { "positive" };
                 write!(f, "level{level}-{}-x{x}-y{y}-{sign}", orientation.unwrap_or("scaling"))
+            }
+            Self::Shifted { level, orientation, x, y, .. } => {
+                write!(f, "level{level}-{}-x{x}-y{y}-shifted", orientation.unwrap_or("scaling"))
             }
             Self::Noise { .. } => write!(f, "noise"),
             Self::Stripes { stripes, count, inverse } => {
@@ -252,6 +281,7 @@ impl PatternSet {
     pub fn new(kind: Kind, plane: Plane) -> Result<Self> {
         let series: Arc<dyn Series> = match kind {
             Kind::Wavelet(wavelet) => Arc::new(Wavelets::new(wavelet, plane)?),
+            Kind::Shifted(wavelet) => Arc::new(wavelets::Shifted::new(wavelet, plane)?),
             Kind::Noise(noise) => Arc::new(noise::Patterns::new(noise, plane)?),
             Kind::Stripes(count) => Arc::new(stripes::Stripes::new(count, plane)?),
             Kind::GrayCode => Arc::new(gray_code::GrayCode::new(plane)),
@@ -309,7 +339,7 @@ impl PatternSet {
     }
 
     /// What turns the emitted light back into functions of the constant-energy normalisation: a wavelet is scale times the
-    /// difference of its parts, noise is scale times the difference from its mean. One for all other kinds.
+    /// difference of its parts (shifted: scale times the pattern twice less white), noise is scale times the difference from its mean. One for all other kinds.
     pub fn scale(&self, n: usize) -> f32 {
         assert!(n < self.len(), "pattern {n} of {}", self.len());
         self.series.scale(n)

@@ -25,6 +25,7 @@ fn every_kind(columns: usize, rows: usize) -> Vec<PatternSet> {
         Kind::Crossed { side: side - 1, influence: 2 },
     ];
     kinds.extend(WAVELETS.map(Kind::Wavelet));
+    kinds.extend(WAVELETS.map(Kind::Shifted));
     kinds.extend(WAVELETS.map(|wavelet| noise(wavelet, 5, Noise::DEVIATION)));
     kinds.into_iter().map(|kind| set(kind, columns, rows)).collect()
 }
@@ -72,6 +73,35 @@ fn wavelet_patterns_add_up_to_any_light() {
             let off = sum.iter().zip(&light).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(off < 2e-5, "{wavelet:?} {columns} x {rows}: off by {off}");
             assert!(largest.iter().all(|peak| (peak - 1.0).abs() < 1e-6), "one part of each fills the range");
+        }
+    }
+}
+
+/// `scale (2 psi' - 1)` is `scale (psi+ - psi-)`, with half the patterns.
+#[test]
+fn shifted_patterns_are_the_split_ones_about_mid_grey() {
+    for (columns, rows) in [(16, 16), (24, 16), (7, 5)] {
+        for wavelet in WAVELETS {
+            let (split, shifted) = (set(Kind::Wavelet(wavelet), columns, rows), set(Kind::Shifted(wavelet), columns, rows));
+            assert_eq!(shifted.len(), columns * rows);
+            let mut parts = 0..split.len();
+            for n in 0..shifted.len() {
+                let positive = parts.next().unwrap();
+                let values = shifted.pattern(n).values;
+                let scale = shifted.scale(n);
+                assert_eq!(scale, split.scale(positive));
+                let up = split.pattern(positive).values;
+                let Element::Shifted { location, .. } = shifted.element(n) else {
+                    assert_eq!((shifted.element(n), values), (split.element(positive), up));
+                    continue;
+                };
+                let negative = parts.next().unwrap();
+                let down = split.pattern(negative).values;
+                assert!(matches!(split.element(negative), Element::Wavelet { location: l, negative: true, .. } if l == location));
+                let off = |k: usize| (2.0 * values[k] - 1.0 - (up[k] - down[k])).abs();
+                assert!((0..values.len()).all(|k| off(k) < 1e-6), "{wavelet:?} {n}");
+            }
+            assert!(parts.next().is_none());
         }
     }
 }

@@ -1,7 +1,8 @@
 //! The columns of S as patterns (6.6.4): the functions that are emitted one after another in explicit sampling.
 //!
-//! Light cannot be negative, so each function is shown in two parts, and one is subtracted from the other: `C = C+ - C-` (of
-//! the two mappings of 6.6.4 the one that doubles the range). Both parts share one scale, that of the larger.
+//! Light cannot be negative, so each function is shown in two parts, and one is subtracted from the other: `C = C+ - C-`. Both
+//! parts share one scale, that of the larger. The other mapping of 6.6.4, `psi' = (psi / scale + 1) / 2` and
+//! `C = scale (2 C' - C_white)`, takes half the photographs, and half the range.
 
 use super::{Element, Series};
 use crate::domain::Plane;
@@ -83,5 +84,57 @@ impl Series for Wavelets {
     fn scale(&self, n: usize) -> f32 {
         let (location, negative) = self.parts[n];
         self.part(location, negative).1
+    }
+}
+
+/// The basis functions shifted to mid-grey, one pattern each.
+#[derive(Debug, Clone)]
+pub(super) struct Shifted {
+    wavelets: Wavelets,
+    /// Locations in the order of [`Wavelets`], and whether they are shifted: those with a negative part.
+    functions: Vec<(u32, bool)>,
+}
+
+impl Shifted {
+    /// The basis functions of a grid.
+    ///
+    /// # Errors
+    /// D4 and D8, which cannot be mirrored.
+    pub(super) fn new(wavelet: Wavelet, plane: Plane) -> Result<Self> {
+        let wavelets = Wavelets::new(wavelet, plane)?;
+        let mut functions: Vec<(u32, bool)> = Vec::new();
+        for (location, negative) in &wavelets.parts {
+            match functions.last_mut() {
+                Some(last) if *negative => last.1 = true,
+                _ => functions.push((*location, false)),
+            }
+        }
+        Ok(Self { wavelets, functions })
+    }
+}
+
+impl Series for Shifted {
+    fn len(&self) -> usize {
+        self.functions.len()
+    }
+
+    fn element(&self, n: usize) -> Element {
+        let (location, shifted) = self.functions[n];
+        let place = self.wavelets.tree.place(location);
+        if shifted { Element::shifted(location, place) } else { Element::wavelet(location, place, false) }
+    }
+
+    fn values(&self, n: usize) -> Vec<f32> {
+        let (location, shifted) = self.functions[n];
+        let (mut values, scale) = self.wavelets.part(location, false);
+        if shifted {
+            values = self.wavelets.function(location);
+            values.iter_mut().for_each(|value| *value = (0.5 * (*value / scale + 1.0)).clamp(0.0, 1.0));
+        }
+        values
+    }
+
+    fn scale(&self, n: usize) -> f32 {
+        self.wavelets.part(self.functions[n].0, false).1
     }
 }

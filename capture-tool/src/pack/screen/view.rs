@@ -1,0 +1,77 @@
+//! Where each pixel looks, what covers it, and how bright the screen is.
+
+use relume_core::Result;
+use relume_core::domain::{Correspondence, Domain, Plane};
+use relume_core::image::Image;
+use relume_core::matte::Behind;
+
+/// What the camera sees of the screen itself.
+#[derive(Debug, Default)]
+pub struct View {
+    /// Where on the screen each pixel looks, if that is known.
+    pub correspondence: Option<Correspondence>,
+    /// Coverage of the object; none where it was not measured: all pixels are the object's.
+    pub alpha: Option<Vec<f32>>,
+}
+
+/// The view made ready for photographs of one size and patterns of one grid.
+#[derive(Debug)]
+pub struct Ready {
+    behind: Option<Behind>,
+    /// What the camera makes of the white screen at each pixel.
+    white: Option<Image>,
+    /// T is divided by this.
+    pub unit: [f32; 3],
+}
+
+impl View {
+    /// Coverage and correspondence together tell which pixels see the screen, and `white`, a photograph under the white screen
+    /// (the bare screen's, if there is one) with black subtracted, how bright it is. Without them T stays in the unit of the
+    /// photographs.
+    ///
+    /// # Errors
+    /// Nothing of the screen seen.
+    pub fn ready(&self, size: (usize, usize), plane: Plane, white: Option<(Image, bool)>) -> Result<Ready> {
+        let (Some(correspondence), Some(alpha)) = (&self.correspondence, &self.alpha) else {
+            return Ok(Ready { behind: None, white: None, unit: [1.0; 3] });
+        };
+        let behind = Behind::new(alpha, size, correspondence, plane);
+        let Some((photograph, bare)) = white else {
+            return Ok(Ready { behind: Some(behind), white: None, unit: [1.0; 3] });
+        };
+        let unit = match bare {
+            true => Behind::new(&vec![0.0; alpha.len()], size, correspondence, plane).white(&photograph)?,
+            false => behind.white(&photograph)?,
+        };
+        let white = if bare { photograph } else { Image::from_fn(size.0, size.1, |_, _| unit) };
+        Ok(Ready { behind: Some(behind), white: Some(white), unit })
+    }
+
+    /// The domain of the field.
+    pub fn domain(&self, plane: Plane) -> Domain {
+        Domain::Plane(plane, self.correspondence.clone())
+    }
+
+    /// Is any of a pixel the object's?
+    pub fn covered(&self, pixel: usize) -> bool {
+        self.alpha.as_ref().is_none_or(|alpha| alpha[pixel] > 0.0)
+    }
+}
+
+impl Ready {
+    /// What the object answers, in units of the white screen: the screen itself is taken out.
+    pub fn of_object(&self, photograph: &mut Image, emitted: &[f32]) {
+        if let (Some(behind), Some(white)) = (&self.behind, &self.white) {
+            behind.take_out(photograph, emitted, white);
+        }
+        self.in_units(photograph);
+    }
+
+    /// Light in units of the white screen.
+    pub fn in_units(&self, picture: &mut Image) {
+        let [r, g, b] = self.unit.map(|unit| 1.0 / unit);
+        for pixel in picture.data_mut().as_chunks_mut::<3>().0 {
+            *pixel = [pixel[0] * r, pixel[1] * g, pixel[2] * b];
+        }
+    }
+}
