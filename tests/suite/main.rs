@@ -15,6 +15,7 @@ mod layers;
 mod lights;
 mod look;
 mod monitor;
+mod matte_effect;
 mod patterns;
 mod photographs;
 mod plugin;

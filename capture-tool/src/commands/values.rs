@@ -261,7 +261,7 @@ mod tests {
 
     #[test]
     fn neutral_values_are_within_their_bounds() {
-        for setting in settings::RELIGHT {
+        for setting in settings::RELIGHT.iter().chain(settings::matte::MATTE) {
             match setting.kind {
                 Kind::Number { default, hard, .. } => {
                     assert_eq!(neutral(setting), default);
