@@ -52,17 +52,19 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
     assert!(plan.contains("79  samples"), "{plan}");
     let said = succeed(&mut set.begin("whole", explicit));
     let steps = OPENING + 79;
-    for words in [&format!("{steps} of {steps} photographs"), "function 40 of 40", "the bound (6.7)", "relume pack"] {
+    for words in [&format!("{steps} of {steps} photographs"), "function 40 of 40 by ", "the bound (6.7)", "relume pack"]
+    {
         assert!(said.contains(words), "`{words}` not in: {said}");
     }
     let journal = set.journal("whole");
     assert_eq!(journal.len(), steps);
     let log = fs::read_to_string(set.path("whole/capture.log")).unwrap();
-    let bounds: Vec<f64> = log
-        .lines()
-        .filter_map(|line| line.split_once("bound (6.7) ")?.1.split_once(" %")?.0.parse().ok())
-        .collect();
+    let bounds: Vec<f64> =
+        log.lines().filter_map(|line| line.split_once("bound (6.7) ")?.1.split_once(" %")?.0.parse().ok()).collect();
     assert!(bounds.len() == 40 && bounds.is_sorted_by(|a, b| a >= b) && bounds[39] < 90.0, "{bounds:?}");
+    // What sees the screen itself does not count.
+    let counted = said.split_once("by ").unwrap().1.split_once(" of 1200").unwrap().0.parse::<usize>().unwrap();
+    assert!((300..900).contains(&counted), "{counted} pixels count");
     // Functions came by what they weigh, not in the order of the set.
     let numbers: Vec<u64> =
         journal[OPENING..].iter().map(|p| p["condition"]["pattern"]["number"].as_u64().unwrap()).collect();
@@ -86,15 +88,13 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
     assert!(said.contains("function 52 of 52"), "{said}");
     assert_eq!(essence(&set.journal("parts"))[OPENING + 3..steps], essence(&journal)[OPENING + 3..]);
     // A threshold ends it; the rig file is the one it was begun with, whatever its count of functions.
-    let said = succeed(
-        tool("capture").arg(set.path("rig.toml")).arg("--session").arg(set.path("parts")).args([
-            "--resume",
-            "--functions",
-            "250",
-            "--threshold",
-            "0.5",
-        ]),
-    );
+    let said = succeed(tool("capture").arg(set.path("rig.toml")).arg("--session").arg(set.path("parts")).args([
+        "--resume",
+        "--functions",
+        "250",
+        "--threshold",
+        "0.5",
+    ]));
     assert!(said.contains("function 52 of 250"), "{said}");
     // Calibration alone begins no function.
     succeed(set.begin("c", explicit).args(["--only", "calibration"]));
@@ -106,7 +106,7 @@ fn shifted_functions_take_one_photograph_each() {
     let set = Capture::with(&RIG.replace("functions = 40", "functions = 25\nparts = \"shifted\"\nwavelet = \"5/3\""));
     let said = succeed(&mut set.begin("s", &["--sampler", "explicit"]));
     let steps = OPENING + 25;
-    assert!(said.contains(&format!("{steps} of {steps}")) && said.contains("function 25 of 25"), "{said}");
+    assert!(said.contains(&format!("{steps} of {steps}")) && said.contains("function 25 of 25 by"), "{said}");
 }
 
 #[test]
@@ -175,4 +175,30 @@ fn what_makes_no_sense_is_refused() {
     fs::write(set.path("rig.toml"), super::capture::RIG).unwrap();
     refuse(&mut set.begin("s", &["--bare"]), &["--bare", "screen"]);
     refuse(&mut set.begin("s", &["--sampler", "explicit"]), &["a stage is scanned"]);
+}
+
+/// What `relume calibrate gamma` writes is taken out before patterns are shown, and the session keeps it.
+#[test]
+fn a_measured_curve_is_inverted() {
+    let rig = RIG.replace("functions = 40", "functions = 3\nwavelet = \"5/3\"\ncurve = { file = \"screen.txt\" }");
+    let set = Capture::with(&rig);
+    refuse(&mut set.begin("s", &["--sampler", "explicit"]), &["screen.txt"]);
+    let table = |gamma: f64| -> String {
+        (0..256).map(|code| format!("{code} {}\n", (f64::from(code) / 255.0).powf(gamma))).collect()
+    };
+    let mean = |gamma: f64, name: &str| {
+        fs::write(set.path("screen.txt"), table(gamma)).unwrap();
+        succeed(&mut set.begin(name, &["--sampler", "explicit"]));
+        let merged = set.path(&format!("{name}-light"));
+        succeed(tool("pack").arg(set.path(name)).arg("--merged").arg(&merged));
+        let last = fs::read_dir(&merged).unwrap().map(|e| e.unwrap().path()).max().unwrap();
+        let image = relume_core::image::read(&last, relume_core::image::Encoding::Linear).unwrap();
+        image.data().iter().map(|v| f64::from(*v)).sum::<f64>()
+    };
+    let (right, wrong) = (mean(2.2, "right"), mean(1.0, "wrong"));
+    // Taken for linear, the mid tones of a function are shown too dark.
+    assert!(wrong < 0.8 * right, "{wrong} and {right}");
+    assert!(fs::read_to_string(set.path("right/session.toml")).unwrap().contains("measured"));
+    fs::remove_file(set.path("screen.txt")).unwrap();
+    succeed(&mut set.resume("right", &["--functions", "4"]));
 }

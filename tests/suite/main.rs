@@ -14,6 +14,8 @@ mod lamps;
 mod layers;
 mod lights;
 mod look;
+mod monitor;
+mod matte_effect;
 mod patterns;
 mod photographs;
 mod plugin;

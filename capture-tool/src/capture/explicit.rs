@@ -62,6 +62,8 @@ struct Scale {
     white: Image,
     measure: Measure,
     bound: Bound,
+    /// Pixels that count, of all.
+    counted: [usize; 2],
 }
 
 impl Explicit {
@@ -117,7 +119,11 @@ impl Explicit {
         };
         let (blacks, whites) = (pictures(Role::Black)?, pictures(Role::AllLit)?);
         let ([black, black2], [white, white2]) = (&blacks[..], &whites[..]) else {
-            return Err(Error::invalid("the session", "no black and white photographs", "two of each, which come first"));
+            return Err(Error::invalid(
+                "the session",
+                "no black and white photographs",
+                "two of each, which come first",
+            ));
         };
         let noise = Noise::measured(&[(black, black2), (white, white2)])?;
         let (black, white) = (mean(black, black2), mean(white, white2));
@@ -126,8 +132,9 @@ impl Explicit {
         let covered = covered(&records, &developer, &self.sets, lit.size())?;
         let tree = Transform::tree(&transform(self.monitor()?, &self.set)?);
         let bound = Bound::new(tree, self.weight, &lit, covered.clone())?;
+        let counted = [covered.iter().filter(|covered| **covered).count(), covered.len()];
         let measure = Measure::new(covered, noise);
-        self.scale = Some(Scale { records, developer, black, white, measure, bound });
+        self.scale = Some(Scale { records, developer, black, white, measure, bound, counted });
         Ok(())
     }
 
@@ -232,7 +239,8 @@ impl Sampler for Explicit {
         let count = self.growth.members().len();
         let scale = self.scale.as_ref().filter(|_| count > 0)?;
         let most = self.most.min(self.parts.len());
-        let mut text = format!("function {count} of {most}");
+        let [counted, pixels] = scale.counted;
+        let mut text = format!("function {count} of {most} by {counted} of {pixels} pixels");
         if !matches!(self.set.kind(), Kind::Shifted(_)) {
             text += &format!(": what is left of the bound (6.7) {:.1} %", 100.0 * scale.bound.share());
         }
@@ -252,7 +260,9 @@ impl Sampler for Explicit {
 pub fn location(set: &PatternSet, number: usize) -> Result<u32> {
     match set.element(number) {
         Element::Wavelet { location, .. } | Element::Shifted { location, .. } => Ok(location),
-        other => Err(Error::invalid("explicit sampling", format!("the pattern {other}"), "basis functions of a wavelet")),
+        other => {
+            Err(Error::invalid("explicit sampling", format!("the pattern {other}"), "basis functions of a wavelet"))
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use relume_core::evaluate::{FEWEST_KEPT, Keep};
 use relume_core::illumination::probe::Circle;
 use relume_core::image::ColourSpace;
 use relume_core::settings::{Kind, Setting};
+use relume_core::wavelet::Wavelet;
 
 /// A parser for a number of the table.
 pub fn number(setting: &'static Setting) -> impl Fn(&str) -> Result<f64, String> + Clone {
@@ -192,6 +193,12 @@ pub fn keep(text: &str) -> Result<Keep, String> {
     }
 }
 
+/// A wavelet that can be mirrored at the edges of a screen.
+pub fn wavelet(text: &str) -> Result<Wavelet, String> {
+    let known = text.parse().ok().filter(|wavelet: &Wavelet| wavelet.is_symmetric());
+    known.ok_or_else(|| format!("`{text}` is no wavelet for a screen; it must be haar, 5/3 or 9/7"))
+}
+
 /// A number of things, at least one.
 pub fn at_least_one(text: &str) -> Result<usize, String> {
     match usize::from_str(text) {
@@ -254,7 +261,7 @@ mod tests {
 
     #[test]
     fn neutral_values_are_within_their_bounds() {
-        for setting in settings::RELIGHT {
+        for setting in settings::RELIGHT.iter().chain(settings::matte::MATTE) {
             match setting.kind {
                 Kind::Number { default, hard, .. } => {
                     assert_eq!(neutral(setting), default);

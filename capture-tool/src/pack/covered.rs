@@ -13,6 +13,8 @@ use crate::session::{Photograph, Role};
 
 /// A place on the screen may be so far, in texels, from where a pixel looks past the object, beside what rounding leaves.
 const NEAR: f64 = 1.0;
+/// Pixels that the line of sight is fitted to: more would not make it better.
+const FITTED: usize = 100_000;
 
 /// Marks a pixel that shows the object, row by row: what sees the screen itself answers to single texels, as a perfect mirror
 /// would, and would draw all functions to it (6.6.4). A pixel does that whose place on the screen, read from Gray codes or
@@ -35,8 +37,9 @@ pub fn covered(records: &Records, developer: &Developer, sets: &Sets, size: (usi
     };
     let pixel = |n: usize| [(n % size.0) as f64 + 0.5, (n / size.0) as f64 + 0.5];
     let place = |n: usize| decoded.screen(n % size.0, n / size.0);
-    let sightings: Vec<Sighting> =
-        (0..all.len()).filter_map(|n| Some(Sighting { pixel: pixel(n), screen: place(n)? })).collect();
+    let step = decoded.places.iter().flatten().count().div_ceil(FITTED).max(1);
+    let seen = (0..all.len()).filter_map(|n| Some(Sighting { pixel: pixel(n), screen: place(n)? }));
+    let sightings: Vec<Sighting> = seen.step_by(step).collect();
     let Ok(fit) = fit(&sightings, size, decoded.texels) else { return Ok(all) };
     let texels = [decoded.texels.0 as f64, decoded.texels.1 as f64];
     let sees_object = |n: usize| {
@@ -65,7 +68,9 @@ fn codes<'a>(records: &'a Records, sets: &Sets) -> Option<(Vec<Shown>, Vec<&'a P
         return None;
     }
     let plain = |role: Role, what: Shown| records.of(role).next().map(|photograph| (what, photograph));
-    for (what, photograph) in [plain(Role::Black, Shown::Black), plain(Role::AllLit, Shown::White)].into_iter().flatten() {
+    for (what, photograph) in
+        [plain(Role::Black, Shown::Black), plain(Role::AllLit, Shown::White)].into_iter().flatten()
+    {
         shown.push(what);
         photographs.push(photograph);
     }

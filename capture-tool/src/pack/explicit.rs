@@ -3,16 +3,16 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use rayon::prelude::*;
 use relume_core::acquire::explicit::Parts;
 use relume_core::acquire::{Photographs, Reporting};
-use relume_core::domain::patterns::{Element, PatternSet, Wavelets};
+use relume_core::domain::patterns::{Element, PatternSet};
 use relume_core::field::{self, BLOCK_HEIGHT, Contents};
 use relume_core::files::folder_of;
 use relume_core::image::Image;
 use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result};
 
-use super::develop::Developer;
 use super::records::Records;
 use crate::capture::explicit::location;
 use crate::rigs::Condition;
@@ -23,9 +23,9 @@ use crate::session::{Photograph, Role};
 pub struct Function<'a> {
     /// Where its coefficient lies.
     pub location: u32,
-    /// A pattern of it; that of the positive part, where it has two.
-    pub number: usize,
-    /// Its photographs: one, or those of the positive and of the negative part.
+    /// Its patterns: one, or those of the positive and of the negative part.
+    pub numbers: Vec<usize>,
+    /// Their photographs.
     pub photographs: Vec<&'a Photograph>,
 }
 
@@ -47,8 +47,11 @@ pub fn functions<'a>(records: &'a Records, set: &PatternSet) -> Result<Vec<Funct
         }
         let location = location(set, number)?;
         match functions.last_mut() {
-            Some(last) if last.location == location => last.photographs.push(photograph),
-            _ => functions.push(Function { location, number, photographs: vec![photograph] }),
+            Some(last) if last.location == location => {
+                last.numbers.push(number);
+                last.photographs.push(photograph);
+            }
+            _ => functions.push(Function { location, numbers: vec![number], photographs: vec![photograph] }),
         }
     }
     functions.retain(|function| function.photographs.len() == parts[&function.location]);
@@ -59,69 +62,81 @@ pub fn functions<'a>(records: &'a Records, set: &PatternSet) -> Result<Vec<Funct
     Ok(functions)
 }
 
-/// Everything that goes into the field beside the photographs.
+/// Everything that goes into the field beside the photographs' places and layers.
 pub struct ExplicitPack<'a> {
-    /// The photographs.
-    pub records: &'a Records,
-    /// The camera.
-    pub developer: &'a Developer,
+    /// The functions, with their photographs.
+    pub functions: &'a [Function<'a>],
     /// The patterns that were shown.
     pub set: &'a PatternSet,
     /// Their wavelet.
     pub wavelet: Wavelet,
-    /// The black photograph and the white one, as light.
-    pub plain: [&'a Image; 2],
-    /// What the white screen, seen directly, photographs as: T is in units of it.
-    pub unit: [f32; 3],
-    /// What the camera sees of the screen itself, past the object, under a light of the texels, in the unit of the photographs.
-    pub direct: &'a dyn Fn(&[f32]) -> Option<Image>,
+    /// A photograph as light, the black one subtracted.
+    pub lit: &'a (dyn Fn(&Photograph) -> Result<Image> + Sync),
+    /// The white screen as light, the black one subtracted; shifted functions want it.
+    pub white: Option<&'a Image>,
+    /// What a pattern emitted: light of the texels.
+    pub emitted: &'a (dyn Fn(usize) -> Vec<f32> + Sync),
+    /// Takes the screen itself out of a picture under a light of the texels, and turns it to the unit of T.
+    pub of_object: &'a (dyn Fn(&mut Image, &[f32]) + Sync),
 }
 
 impl ExplicitPack<'_> {
     /// Writes the container; `contents` comes with its size, domain and layers. `progress(steps done, steps)` may stop it.
-    /// Returns the number of functions.
     ///
     /// # Errors
-    /// No function; files that are gone or changed; no room.
+    /// Files that are gone or changed; no room.
     pub fn write(
         &self,
         output: &Path,
         mut contents: Contents,
         progress: &mut dyn FnMut(u64, u64) -> Result<()>,
-    ) -> Result<usize> {
-        let functions = functions(self.records, self.set)?;
-        let wavelets = Wavelets::new(self.wavelet, self.set.plane())?;
-        let total = (functions.len() + contents.height.div_ceil(BLOCK_HEIGHT)) as u64;
+    ) -> Result<()> {
+        let total = (self.functions.len() + contents.height.div_ceil(BLOCK_HEIGHT)) as u64;
         let mut pictures = Photographs::new(contents.width, contents.height, folder_of(output));
-        for function in &functions {
-            let mut picture = self.picture(function)?;
-            if let Some(direct) = (self.direct)(&wavelets.function(function.location)) {
-                picture.data_mut().iter_mut().zip(direct.data()).for_each(|(v, seen)| *v -= seen);
+        // As many at a time as there are threads: their order stays, memory stays bounded.
+        for group in self.functions.chunks(rayon::current_num_threads()) {
+            let made: Vec<Result<Image>> = group.par_iter().map(|function| self.picture(function)).collect();
+            for picture in made {
+                pictures.push(picture?)?;
             }
-            let per = self.unit.map(|unit| 1.0 / unit);
-            picture.data_mut().chunks_exact_mut(3).for_each(|p| (0..3).for_each(|c| p[c] *= per[c]));
-            pictures.push(picture)?;
             progress(pictures.len() as u64, total)?;
         }
         contents.largest = pictures.largest();
-        let locations: Vec<u32> = functions.iter().map(|function| function.location).collect();
+        let locations: Vec<u32> = self.functions.iter().map(|function| function.location).collect();
         let mut bands = Reporting { photographs: &mut pictures, progress, total };
-        field::write_explicit(output, &contents, (self.wavelet, &locations), &mut bands)?;
-        Ok(functions.len())
+        field::write_explicit(output, &contents, (self.wavelet, &locations), &mut bands)
     }
 
-    /// `T psi`, in the unit of the photographs.
+    /// `C = T psi` of the object, in the unit of T.
     fn picture(&self, function: &Function<'_>) -> Result<Image> {
-        let develop = |photograph: &&Photograph| self.developer.picture(self.records, photograph);
-        let lit = function.photographs.iter().map(develop).collect::<Result<Vec<_>>>()?;
-        let shifted = matches!(self.set.element(function.number), Element::Shifted { .. });
-        let parts = match (&lit[..], shifted) {
-            ([one], true) => Parts::Shifted(one),
-            ([one], false) => Parts::Positive(one),
-            ([positive, negative, ..], _) => Parts::Split(positive, negative),
-            ([], _) => return Err(Error::invalid("a function", "no photograph", "one at least")),
+        let lit = function.photographs.iter().map(|photograph| (self.lit)(photograph)).collect::<Result<Vec<_>>>()?;
+        let shown: Vec<Vec<f32>> = function.numbers.iter().map(|number| (self.emitted)(*number)).collect();
+        let Some((first, light)) = lit.first().zip(shown.first()) else {
+            return Err(Error::invalid("a function", "no photograph", "one at least"));
         };
-        let [black, white] = self.plain;
-        parts.picture(self.set.scale(function.number), black, white)
+        let scale = self.set.scale(function.numbers[0]);
+        let no_black = Image::new(first.width(), first.height(), first.channels());
+        let shifted = matches!(self.set.element(function.numbers[0]), Element::Shifted { .. });
+        let (parts, psi): (_, Vec<f32>) = match (lit.get(1).zip(shown.get(1)), shifted) {
+            (_, true) => (Parts::Shifted(first), light.iter().map(|v| scale * (2.0 * v - 1.0)).collect()),
+            (Some((second, less)), false) => {
+                (Parts::Split(first, second), light.iter().zip(less).map(|(a, b)| scale * (a - b)).collect())
+            }
+            (None, false) => (Parts::Positive(first), light.iter().map(|v| scale * v).collect()),
+        };
+        let white = match (self.white, shifted) {
+            (Some(white), _) => white,
+            (None, false) => &no_black,
+            (None, true) => {
+                return Err(Error::invalid(
+                    "the session",
+                    "no photograph of the white screen",
+                    "one: capture it again",
+                ));
+            }
+        };
+        let mut picture = parts.picture(scale, &no_black, white)?;
+        (self.of_object)(&mut picture, &psi);
+        Ok(picture)
     }
 }

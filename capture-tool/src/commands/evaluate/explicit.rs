@@ -51,15 +51,11 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "25,50,100,200,300,400,600,900", value_parser = values::at_least_one)]
     counts: Vec<usize>,
     /// Which bases: haar, 5/3, 9/7.
-    #[arg(long, value_name = "WAVELETS", value_delimiter = ',', value_parser = wavelet)]
+    #[arg(long, value_name = "WAVELETS", value_delimiter = ',', value_parser = values::wavelet)]
     wavelets: Vec<Wavelet>,
     /// Noise of a photograph, as a share of its light.
     #[arg(long, value_name = "X", default_value_t = 0.002, allow_negative_numbers = true, value_parser = values::share)]
     noise: f64,
-}
-
-fn wavelet(text: &str) -> Result<Wavelet, String> {
-    text.parse().ok().filter(|wavelet| WAVELETS.contains(wavelet)).ok_or_else(|| "not haar, 5/3 or 9/7".to_owned())
 }
 
 /// Mean errors of relit pictures.
@@ -180,7 +176,9 @@ impl Arguments {
                     row.photographs.push(point.photographs);
                     row.bound.push(point.bound);
                 }
-                shown.pictures.push((format!("{}, {} functions", wavelet.id(), point.functions), masked(&point.relit[0])));
+                shown
+                    .pictures
+                    .push((format!("{}, {} functions", wavelet.id(), point.functions), masked(&point.relit[0])));
                 step()
             })?;
             rows.append(&mut own);
@@ -258,7 +256,8 @@ fn write(rows: &[Row], shown: &[Shown], table: &str, folder: &Path) -> anyhow::R
     let mut figures = Vec::new();
     for shown in shown {
         let figure = |(what, picture): &(String, Image)| {
-            let name = file_name(&format!("{}-{}-{what}.png", shown.scene, shown.light)).replace(", ", "-").replace(' ', "-");
+            let name =
+                file_name(&format!("{}-{}-{what}.png", shown.scene, shown.light)).replace(", ", "-").replace(' ', "-");
             Figure::new(name, picture, shown.gain).map(|figure| (figure, what.clone()))
         };
         let of_scene = shown.pictures.iter().map(figure).collect::<anyhow::Result<Vec<_>>>()?;
