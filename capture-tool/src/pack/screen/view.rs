@@ -13,6 +13,7 @@ use relume_core::{Error, Result};
 
 use crate::capture::patterns::Sets;
 use crate::pack::develop::Developer;
+use crate::pack::places::ScreenFile;
 use crate::pack::records::Records;
 use crate::rigs::Condition;
 use crate::session::{Photograph, Role};
@@ -124,7 +125,9 @@ pub fn of_session(
         }
         (None, None) => None,
     };
-    let stripes = codes(records, sets, |element| matches!(element, Element::Stripes { .. }));
+    // Gray codes tell coverage, too, and their edges lie elsewhere.
+    let stripes =
+        codes(records, sets, |element| matches!(element, Element::Stripes { .. } | Element::GrayCode { .. }));
     let (alpha, bare) = match (given.1, &correspondence, &stripes) {
         (Some(given), ..) => (Some(given), None),
         (None, Some(correspondence), Some(codes)) => {
@@ -181,9 +184,5 @@ pub fn codes<'a>(records: &'a Records, sets: &Sets, wanted: impl Fn(Element) -> 
 /// # Errors
 /// No such file; numbers that are no correspondence.
 pub fn read_correspondence(path: &Path) -> Result<Correspondence> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::io("read", path, source))?;
-    let broken = |error: serde_json::Error| {
-        Error::invalid(path.display().to_string(), error.to_string(), "a file of `relume calibrate screen`")
-    };
-    serde_json::from_str(&text).map_err(broken)
+    Ok(ScreenFile::open(path)?.correspondence)
 }

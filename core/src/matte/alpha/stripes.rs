@@ -1,7 +1,7 @@
 //! Alpha from stripes and codes (after Zongker, Werner, Curless and Salesin 1999, who tell covered pixels by their stripes).
 //!
 //! Pattern k on the bare screen would be seen at a pixel as `b_k`, from 1 (lit) to -1 (dark), its mean over the pixel's
-//! footprint. A share c of the pixel sees it so; the rest sees the screen elsewhere, or blurred, or not at all, and adds at
+//! footprint. A share c of the pixel sees it so; the rest sees the screen elsewhere, or blurred, or looks past it, and adds at
 //! most what it adds under white. So with `x_k`, the photograph less that of the inverse over the light of the bare white
 //! screen there, and w the same of the white photograph,
 //!
@@ -150,9 +150,9 @@ impl Matcher<'_> {
 
     /// b_k, and the contrast q_k = x_k / w, of the patterns.
     fn pairs(&self, pixel: usize, footprint: Footprint) -> impl Iterator<Item = (f64, f64, bool)> {
-        self.seen.iter().map(move |line| {
-            (footprint.seen(line.along, &line.integral), line.contrast[pixel].to_f64(), line.fine)
-        })
+        self.seen
+            .iter()
+            .map(move |line| (footprint.seen(line.along, &line.integral), line.contrast[pixel].to_f64(), line.fine))
     }
 
     /// Does a pixel see what the bare screen shows, as far as its own light goes?
@@ -267,9 +267,8 @@ mod tests {
             let correspondence = Correspondence::new(homography, area, None).unwrap();
             let found = from_stripes(&shown, &mut picture, &correspondence).unwrap();
             assert_eq!((found.size, found.width_px), (SIZE, 1.0));
-            let mut off: Vec<f64> = (0..SIZE.0 * SIZE.1)
-                .map(|n| (f64::from(found.alpha[n]) - (1.0 - covered(n % SIZE.0))).abs())
-                .collect();
+            let mut off: Vec<f64> =
+                (0..SIZE.0 * SIZE.1).map(|n| (f64::from(found.alpha[n]) - (1.0 - covered(n % SIZE.0))).abs()).collect();
             off.sort_unstable_by(f64::total_cmp);
             let at = |share: f64| off[(share * (off.len() - 1) as f64) as usize];
             assert!(at(0.5) < 1e-3 && at(0.9) < 0.02 && at(0.99) < 0.08, "{} {} {}", at(0.5), at(0.9), at(0.99));
