@@ -40,7 +40,8 @@ impl Bands for Formula {
     fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
         let mut at = blocks.iter_mut();
         let elements = self.elements;
-        for (bx, channel, n) in columns.flat_map(|bx| (0..3).flat_map(move |c| (0..elements).map(move |n| (bx, c, n)))) {
+        for (bx, channel, n) in columns.flat_map(|bx| (0..3).flat_map(move |c| (0..elements).map(move |n| (bx, c, n))))
+        {
             for (row, column) in (0..BLOCK_HEIGHT).flat_map(|r| (0..BLOCK_WIDTH).map(move |c| (r, c))) {
                 let (x, y) = (bx * BLOCK_WIDTH + column, by * BLOCK_HEIGHT + row);
                 if let Some(out) = at.next().filter(|_| x < SIZE.0 && y < SIZE.1) {
@@ -421,7 +422,8 @@ fn assets_of_the_other_kind_name_the_other_effect() {
         return skipped("variadic suite functions on this platform");
     }
     let plugins = host.load_effects(&bundle(), [RELIGHT, IDENTIFIER]).unwrap();
-    let cases = [(&props.asset, "glass.rfield", "Relume Environment Matte"), (&props.lamps, "ball.rfield", "Relume Relight")];
+    let cases =
+        [(&props.asset, "glass.rfield", "Relume Environment Matte"), (&props.lamps, "ball.rfield", "Relume Relight")];
     for (plugin, (asset, name, other)) in plugins.iter().zip(cases) {
         let instance = plugin.create(Context::Filter).unwrap();
         instance.clip("Source").connect(plate(64, 48));

@@ -78,7 +78,13 @@ fn a_virtual_screen_is_calibrated() {
 
     // Alpha: the share of the rays that miss every body.
     let said = succeed(
-        tool("calibrate").arg("alpha").arg(&session).arg("--screen").arg(path("screen.json")).arg("-o").arg(path("a.exr")),
+        tool("calibrate")
+            .arg("alpha")
+            .arg(&session)
+            .arg("--screen")
+            .arg(path("screen.json"))
+            .arg("-o")
+            .arg(path("a.exr")),
     );
     assert!(said.contains("from stripes"), "{said}");
     let alpha = read(&path("a.exr"), Encoding::Linear).unwrap();

@@ -28,8 +28,8 @@ pub mod explicit;
 pub mod lamps;
 pub mod places;
 pub mod records;
-pub mod shots;
 pub mod screen;
+pub mod shots;
 pub mod stage;
 #[cfg(test)]
 mod tests;

@@ -124,7 +124,8 @@ fn by_stripes(
 
 /// Errors of places that another fit was not made to; rounding to texels is in them.
 fn by_places(sightings: &[Sighting], decoded: &Decoded) -> Result<Spread> {
-    let block = |s: &Sighting| (s.pixel[0] as usize / BLOCK + 2 * (s.pixel[1] as usize / BLOCK)).is_multiple_of(HELD_OUT);
+    let block =
+        |s: &Sighting| (s.pixel[0] as usize / BLOCK + 2 * (s.pixel[1] as usize / BLOCK)).is_multiple_of(HELD_OUT);
     let (held, kept): (Vec<Sighting>, Vec<Sighting>) = sightings.iter().partition(|s| block(s));
     let fit = fit(&kept, decoded.size, decoded.texels)?;
     let bound = DIRECT * (1.0 + fit.texel_px * decoded.resolution[0].max(decoded.resolution[1]) as f64);
@@ -134,7 +135,11 @@ fn by_places(sightings: &[Sighting], decoded: &Decoded) -> Result<Spread> {
     };
     let spread = Spread::of(held.iter().filter_map(error).collect());
     spread.ok_or_else(|| {
-        Error::invalid("the correspondence of the screen", "a fit that places beside it do not agree with", "one screen")
+        Error::invalid(
+            "the correspondence of the screen",
+            "a fit that places beside it do not agree with",
+            "one screen",
+        )
     })
 }
 
@@ -190,8 +195,9 @@ impl ScreenFile {
     pub fn read(path: &Path, size: (usize, usize)) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|source| Error::io("read", path, source))?;
         let place = path.display().to_string();
-        let file: Self = serde_json::from_str(&text)
-            .map_err(|error| Error::invalid(&place, error.to_string(), "a file as `relume calibrate screen -o` writes it"))?;
+        let file: Self = serde_json::from_str(&text).map_err(|error| {
+            Error::invalid(&place, error.to_string(), "a file as `relume calibrate screen -o` writes it")
+        })?;
         if file.version != VERSION {
             return Err(Error::invalid(place, format!("version {}", file.version), format!("version {VERSION}")));
         }

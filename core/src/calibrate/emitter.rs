@@ -42,7 +42,8 @@ impl Ramp {
     /// # Errors
     /// Pictures of two sizes; a white one that is no brighter.
     pub fn new(black: &Image, white: &Image) -> Result<Self> {
-        let refuse = |found: String, expected: &str| Err(Error::invalid("the photographs of grey levels", found, expected));
+        let refuse =
+            |found: String, expected: &str| Err(Error::invalid("the photographs of grey levels", found, expected));
         if black.size() != white.size() {
             return refuse("pictures of two sizes".into(), "one size");
         }
@@ -111,7 +112,8 @@ impl Ramp {
         let (mut light, mut uneven) = ([[0.0; CODES]; 3], 0.0f64);
         for (c, curve) in light.iter_mut().enumerate() {
             // A channel that sees no light (a filter, a dark screen) is as the mean of the others.
-            let measured: Vec<f64> = self.points.iter().map(|(_, g)| if g[c].is_finite() { g[c] } else { mean(g) }).collect();
+            let measured: Vec<f64> =
+                self.points.iter().map(|(_, g)| if g[c].is_finite() { g[c] } else { mean(g) }).collect();
             let rising = rising(&measured);
             for ((value, rises), code) in measured.iter().zip(&rising).zip(&codes) {
                 uneven = uneven.max((value - rises).abs());

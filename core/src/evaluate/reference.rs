@@ -150,7 +150,14 @@ mod tests {
                 let inside = (5..85).contains(&x) && (3..67).contains(&y);
                 let rgb = if inside { light((x - 5) / 5, (y - 3) / 8) } else { [0.0; 3] };
                 let gain = 3.0 - 0.01 * x as f32;
-                [0.9, 1.0, 0.7].map(|g: f32| g * gain).iter().zip(rgb).map(|(g, v)| g * v).collect::<Vec<_>>().try_into().unwrap()
+                [0.9, 1.0, 0.7]
+                    .map(|g: f32| g * gain)
+                    .iter()
+                    .zip(rgb)
+                    .map(|(g, v)| g * v)
+                    .collect::<Vec<_>>()
+                    .try_into()
+                    .unwrap()
             })
         };
         let bare = BareScreen::new(photograph(&|_, _| [1.0; 3]), &correspondence, plane).unwrap();

@@ -50,9 +50,8 @@ impl Arguments {
         };
         let picture = Image::from_fn(size.0, size.1, |x, y| [alpha[y * size.0 + x]; 3]);
         write(&self.output, &picture, EncodeOptions::default())?;
-        let share = |keep: fn(f32) -> bool| {
-            100.0 * alpha.iter().filter(|a| keep(**a)).count() as f64 / alpha.len() as f64
-        };
+        let share =
+            |keep: fn(f32) -> bool| 100.0 * alpha.iter().filter(|a| keep(**a)).count() as f64 / alpha.len() as f64;
         Ok(format!(
             "{}: {method}\nobject {:.1} %, screen {:.1} %, soft edges {:.1} % of the pixels\n",
             self.output.display(),

@@ -144,7 +144,9 @@ mod tests {
 
     #[test]
     fn wrong_usage_is_refused_by_the_parser() {
-        for line in ["gamma", "gamma a --codes 0,256", "gamma a --codes 0,0", "gamma a --codes x", "gamma a --codes 1.5"] {
+        for line in
+            ["gamma", "gamma a --codes 0,256", "gamma a --codes 0,0", "gamma a --codes x", "gamma a --codes 1.5"]
+        {
             assert!(testing::parse::<Arguments>(line).is_err(), "{line}");
         }
         assert!(testing::parse::<Arguments>("gamma a b c --codes 0,128,255").is_ok());

@@ -72,7 +72,8 @@ impl Captured {
     /// Opens a session.
     pub fn open(session: &Path) -> anyhow::Result<Self> {
         let Source::Capture(description) = Description::read(session)?.source else {
-            let expected = "one that `relume capture` made; for photographs taken elsewhere give --patterns and --photos";
+            let expected =
+                "one that `relume capture` made; for photographs taken elsewhere give --patterns and --photos";
             return Err(Error::invalid(session.display().to_string(), "an imported session", expected).into());
         };
         let records = Records::read(session)?;

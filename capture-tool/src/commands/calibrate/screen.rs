@@ -81,7 +81,8 @@ fn report(found: &Found) -> String {
         "{} x {} pixels, {} x {} texels of {:.2} pixels\n",
         decoded.size.0, decoded.size.1, decoded.texels.0, decoded.texels.1, fit.texel_px
     );
-    text += &format!("{seen} pixels see the screen ({:.1} %), {direct} directly ({:.1} %)\n", share(seen), share(direct));
+    text +=
+        &format!("{seen} pixels see the screen ({:.1} %), {direct} directly ({:.1} %)\n", share(seen), share(direct));
     if !decoded.unresolved.is_empty() {
         let [across, down] = decoded.resolution;
         text += &format!(

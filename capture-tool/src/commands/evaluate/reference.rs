@@ -95,7 +95,9 @@ impl Arguments {
         let pictures: Vec<&Photograph> = with.captured.records.of(Role::Picture).collect();
         if pictures.is_empty() {
             let expected = "some: `relume capture --resume --reference IMG`";
-            return Err(Error::invalid(self.session.display().to_string(), "no photographs of pictures", expected).into());
+            return Err(
+                Error::invalid(self.session.display().to_string(), "no photographs of pictures", expected).into()
+            );
         }
         let mut progress = Progress::new("comparing", Unit::Steps);
         let mut pairs = Vec::new();

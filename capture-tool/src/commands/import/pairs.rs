@@ -187,7 +187,9 @@ pub(in crate::commands) fn pictures(folder: &Path) -> relume_core::Result<Vec<Pa
 }
 
 /// The size that all pictures share.
-pub(in crate::commands) fn one_size<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> relume_core::Result<(usize, usize)> {
+pub(in crate::commands) fn one_size<'a>(
+    mut paths: impl Iterator<Item = &'a PathBuf>,
+) -> relume_core::Result<(usize, usize)> {
     let Some(first) = paths.next() else { return Ok((0, 0)) };
     let size = probe_size(first)?;
     for path in paths {

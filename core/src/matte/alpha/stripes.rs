@@ -145,9 +145,9 @@ impl Matcher<'_> {
 
     /// b_k, and the contrast q_k = x_k / w, of the patterns.
     fn pairs(&self, pixel: usize, footprint: Footprint) -> impl Iterator<Item = (f64, f64, bool)> {
-        self.seen.iter().map(move |line| {
-            (footprint.seen(line.along, &line.integral), line.contrast[pixel].to_f64(), line.fine)
-        })
+        self.seen
+            .iter()
+            .map(move |line| (footprint.seen(line.along, &line.integral), line.contrast[pixel].to_f64(), line.fine))
     }
 
     /// Does a pixel see what the bare screen shows, as far as its own light goes?
@@ -256,9 +256,8 @@ mod tests {
             let correspondence = Correspondence::new(homography, area, None).unwrap();
             let found = from_stripes(&shown, &mut picture, &correspondence).unwrap();
             assert_eq!((found.size, found.width_px), (SIZE, 1.0));
-            let mut off: Vec<f64> = (0..SIZE.0 * SIZE.1)
-                .map(|n| (f64::from(found.alpha[n]) - (1.0 - covered(n % SIZE.0))).abs())
-                .collect();
+            let mut off: Vec<f64> =
+                (0..SIZE.0 * SIZE.1).map(|n| (f64::from(found.alpha[n]) - (1.0 - covered(n % SIZE.0))).abs()).collect();
             off.sort_unstable_by(f64::total_cmp);
             let at = |share: f64| off[(share * (off.len() - 1) as f64) as usize];
             assert!(at(0.5) < 1e-3 && at(0.9) < 0.02 && at(0.99) < 0.08, "{} {} {}", at(0.5), at(0.9), at(0.99));
