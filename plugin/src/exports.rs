@@ -7,10 +7,11 @@
 
 use std::ffi::c_int;
 
+use crate::effects::matte::EnvironmentMatte;
 use crate::effects::relight::Relight;
 use crate::host::{self, names::OfxPlugin};
 
-static PLUGINS: [OfxPlugin; 1] = [host::plugin::<Relight>()];
+static PLUGINS: [OfxPlugin; 2] = [host::plugin::<Relight>(), host::plugin::<EnvironmentMatte>()];
 
 /// The number of effects in this library.
 #[unsafe(no_mangle)]

@@ -12,7 +12,7 @@
 //! | `paths` | typed paths: `${VAR}`, relative, quoted |
 //! | `pixels` | depths and components of hosts <-> linear premultiplied RGBA |
 //! | `area` | scaling by area, and the one flip of rows |
-//! | `effects` | Relume Relight |
+//! | `effects` | Relume Relight, Relume Environment Matte |
 //! | `exports` | what the library exports |
 
 #![deny(unsafe_code)]

@@ -73,6 +73,17 @@ pub fn open(shared: &Arc<Shared>, bundle: &Path, id: Option<&str>, host: &'stati
     Ok(Opened { library, plugin })
 }
 
+/// The identifiers of all plugins of a bundle's binary, in its order.
+pub fn identifiers(shared: &Arc<Shared>, bundle: &Path) -> Result<Vec<String>, String> {
+    let path = binary_of(shared, bundle)?;
+    // SAFETY: as in `open`.
+    let library = unsafe { Library::new(&path) }.map_err(|error| format!("cannot load {}: {error}", path.display()))?;
+    // SAFETY: the identifier of a plugin struct of the library is NUL-terminated; copied before the library goes.
+    let text =
+        |plugin: *const OfxPlugin| unsafe { CStr::from_ptr((*plugin).pluginIdentifier) }.to_string_lossy().into();
+    Ok(plugins(&library)?.into_iter().map(text).collect())
+}
+
 type Count = unsafe extern "C" fn() -> c_int;
 type Get = unsafe extern "C" fn(c_int) -> *const OfxPlugin;
 type SetHost = unsafe extern "C" fn(*const OfxHost) -> OfxStatus;
@@ -86,6 +97,18 @@ fn pick(library: &Library, id: Option<&str>, host: &'static OfxHost) -> Result<*
             return Err(format!("OfxSetHost answered {}", status_name(status)));
         }
     }
+    let plugins = plugins(library)?;
+    let count = plugins.len();
+    let found = plugins.into_iter().find(|&plugin| match id {
+        None => true,
+        // SAFETY: a plugin struct of the library, whose identifier is NUL-terminated.
+        Some(id) => unsafe { CStr::from_ptr((*plugin).pluginIdentifier) }.to_bytes() == id.as_bytes(),
+    });
+    found.ok_or_else(|| format!("none of its {count} plugins fits {id:?}"))
+}
+
+/// All plugins of a library.
+fn plugins(library: &Library) -> Result<Vec<*const OfxPlugin>, String> {
     // SAFETY: the standard fixes the types of these two symbols.
     let symbols: Result<(Symbol<Count>, Symbol<Get>), _> = unsafe {
         library.get(b"OfxGetNumberOfPlugins\0").and_then(|count| Ok((count, library.get(b"OfxGetPlugin\0")?)))
@@ -94,11 +117,5 @@ fn pick(library: &Library, id: Option<&str>, host: &'static OfxHost) -> Result<*
     // SAFETY: without arguments.
     let count = unsafe { count() };
     // SAFETY: the index is in range.
-    let plugins = (0..count).map(|at| unsafe { get(at) }).filter(|plugin| !plugin.is_null());
-    let found = plugins.into_iter().find(|&plugin| match id {
-        None => true,
-        // SAFETY: a plugin struct of the library, whose identifier is NUL-terminated.
-        Some(id) => unsafe { CStr::from_ptr((*plugin).pluginIdentifier) }.to_bytes() == id.as_bytes(),
-    });
-    found.ok_or_else(|| format!("none of its {count} plugins fits {id:?}"))
+    Ok((0..count).map(|at| unsafe { get(at) }).filter(|plugin| !plugin.is_null()).collect())
 }

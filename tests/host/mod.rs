@@ -97,6 +97,26 @@ impl Host {
         self.open(&copy, Some(identifier), Some(folder))
     }
 
+    /// As [`Self::load_effect`], for several effects of one copy, which share its library.
+    ///
+    /// # Errors
+    /// A sentence about what is missing or failed.
+    pub fn load_effects<const N: usize>(&self, bundle: &Path, identifiers: [&str; N]) -> Result<[Plugin; N], String> {
+        let (copy, folder) = binary::private_copy(bundle)?;
+        let mut folder = Some(folder);
+        let plugins: Result<Vec<_>, _> =
+            identifiers.iter().map(|identifier| self.open(&copy, Some(identifier), folder.take())).collect();
+        plugins?.try_into().map_err(|_| "as many plugins as identifiers".to_owned())
+    }
+
+    /// The identifiers of all effects of a bundle, in its order.
+    ///
+    /// # Errors
+    /// A sentence about what is missing.
+    pub fn identifiers(&self, bundle: &Path) -> Result<Vec<String>, String> {
+        binary::identifiers(&self.shared, bundle)
+    }
+
     /// Opens the bundle where it is: the library is shared with everyone in this process who does the same.
     ///
     /// # Errors

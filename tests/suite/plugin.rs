@@ -60,7 +60,8 @@ fn it_describes_itself_in_all_three_contexts() {
     }
 }
 
-fn check_setting(described: &Description, setting: &Setting) {
+/// The parameter is the line of the table.
+pub fn check_setting(described: &Description, setting: &Setting) {
     let Setting { id, label, hint, kind } = setting;
     assert_eq!(described.param_texts(id, kOfxPropLabel), [*label], "label of {id}");
     assert_eq!(described.param_texts(id, kOfxParamPropHint), [*hint], "hint of {id}");
@@ -146,7 +147,8 @@ fn every_memory() -> Vec<RenderArgs> {
     ]
 }
 
-fn assert_refused(rendered: &Rendered) {
+/// Failed, and nothing of the picture is left.
+pub fn assert_refused(rendered: &Rendered) {
     assert!(rendered.failed(), "{rendered:?}");
     assert_eq!(rendered.untouched, 0, "the output is cleared");
     assert!(rendered.image.is_clear(), "the output is cleared");

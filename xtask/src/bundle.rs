@@ -168,7 +168,7 @@ mod tests {
         assert_eq!(fs::read_to_string(binary).unwrap(), "code");
         let plist = fs::read_to_string(contents.join("Info.plist")).unwrap();
         assert!(plist.contains("<string>Relume.ofx</string>") && plist.contains("<string>BNDL</string>"));
-        for resource in ["org.relume.Relight.png", "openfx.md"] {
+        for resource in ["org.relume.Relight.png", "org.relume.EnvironmentMatte.png", "openfx.md"] {
             assert!(contents.join("Resources").join(resource).is_file(), "{resource}");
         }
     }

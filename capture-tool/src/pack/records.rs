@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use relume_core::hdr::Shot;
-use relume_core::image::{Image, SampleType, read_codes};
+use relume_core::image::{Encoding, Image, SampleType, read, read_codes};
 use relume_core::{Error, Result};
 
 use crate::rigs::Condition;
@@ -59,6 +59,32 @@ impl Records {
     /// # Errors
     /// A file that is gone, changed or no picture: with the number to photograph again.
     pub fn codes(&self, photograph: &Photograph, frame: &Frame) -> Result<(Arc<Image>, SampleType)> {
+        let path = self.checked(photograph, frame)?;
+        let (image, sample_type) = read_codes(&path)?;
+        Ok((Arc::new(image.into_rgb()), sample_type))
+    }
+
+    /// An imported photograph as light, RGB.
+    ///
+    /// # Errors
+    /// As [`Records::codes`].
+    pub fn picture(&self, photograph: &Photograph, encoding: Encoding) -> Result<Image> {
+        let place = || format!("photograph {}", photograph.number);
+        let frame = photograph.frames.first().ok_or_else(|| Error::invalid(place(), "no file", "one"))?;
+        Ok(read(&self.checked(photograph, frame)?, encoding)?.into_rgb())
+    }
+
+    /// One number for all photographs, by their hashes: what was solved from others is another field.
+    pub fn hash(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for frame in self.photographs.iter().flat_map(|photograph| &photograph.frames) {
+            hasher.update(frame.blake3.as_bytes());
+        }
+        hasher.finalize().to_hex().to_string()
+    }
+
+    /// The path of a file, after a look at its hash.
+    fn checked(&self, photograph: &Photograph, frame: &Frame) -> Result<PathBuf> {
         let path = self.root.join(&frame.file);
         let (bytes, blake3) = file_hash(&path)?;
         if (bytes, &blake3) != (frame.bytes, &frame.blake3) {
@@ -73,8 +99,7 @@ impl Records {
                 expected,
             ));
         }
-        let (image, sample_type) = read_codes(&path)?;
-        Ok((Arc::new(image.into_rgb()), sample_type))
+        Ok(path)
     }
 }
 

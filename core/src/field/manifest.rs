@@ -250,6 +250,8 @@ impl Kind {
     pub const ALL: [Kind; 5] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics, Kind::Explicit];
     /// Those that a field of lamps can have.
     pub const OF_LAMPS: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics];
+    /// Those that a field of a screen can have.
+    pub const OF_SCREENS: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Explicit];
 
     /// Permanent id.
     pub const fn id(self) -> &'static str {

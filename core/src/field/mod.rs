@@ -30,6 +30,7 @@
 //! | `writer` | a container from bands of `T`, in bounded memory |
 //! | `asset` | an open container |
 //! | `rewrite` | a container from another: layers added |
+//! | `merge` | a container from parts of it |
 //! | [`compress`] | a container from another: compact representations |
 
 mod archive;
@@ -41,6 +42,7 @@ mod factored;
 mod harmonics;
 mod manifest;
 mod mapping;
+mod merge;
 mod npy;
 mod rewrite;
 mod samples;
@@ -56,6 +58,7 @@ pub use explicit::Explicit;
 pub use factored::{Factored, Tiles};
 pub use harmonics::Harmonics;
 pub use manifest::{FORMAT, Kind, Loss, Manifest, Precision, Representation, VERSION};
+pub use merge::{TILES, merge, tiles_of};
 pub use rewrite::{NewLayer, add_layers};
 pub use samples::Samples;
 pub use sparse::{Sparse, TermBuffer, Terms};

@@ -26,7 +26,7 @@ use crate::wavelet::{Transform, Wavelet};
 /// `T` is asked for in pieces of about this many bytes (as f32).
 const PIECE_BYTES: usize = 64 << 20;
 /// Halves are scaled so that the largest number lies below this: a factor of four from their end, 65504.
-const HALF_CEILING: f32 = 16384.0;
+pub(super) const HALF_CEILING: f32 = 16384.0;
 
 /// What goes into a container beside `T`.
 #[derive(Debug, Clone)]

@@ -11,15 +11,20 @@
 //!
 //! | part | what it holds |
 //! |---|---|
+//! | [`alpha`] | how much of a pixel the object covers |
+//! | `behind` | what the camera sees of the screen itself |
 //! | `place` | where the object stands in the plate |
 //! | `backdrop` | from a plate to the light of the screen's texels |
 //! | `composite` | the element in the plate, and over it |
 
+pub mod alpha;
 mod backdrop;
+mod behind;
 mod composite;
 mod place;
 
 pub use backdrop::{Backdrop, Beyond};
+pub use behind::Behind;
 pub use composite::{Composite, Show};
 pub use place::Place;
 

@@ -1,12 +1,13 @@
 //! The one table of user settings, shared by the command line and the plugin. Ids are permanent: compositing projects
 //! store them. A new setting gets a neutral default.
 //!
-//! Beside it the files in which people write settings down: [`lighting`] (lamps, and the presets that ship) and [`animation`] (lights that
-//! change with the frame).
+//! The settings of an object before a plate are in [`matte`]. Beside them the files in which people write settings down:
+//! [`lighting`] (lamps, and the presets that ship) and [`animation`] (lights that change with the frame).
 
 pub mod animation;
 mod curve;
 pub mod lighting;
+pub mod matte;
 mod table;
 
 use crate::field::Kind as FieldKind;
@@ -176,7 +177,7 @@ pub const EXPOSURE: Setting = Setting {
 pub const AMBIENT: Setting = Setting {
     id: "ambient",
     label: "Ambient",
-    hint: "How much of the ambient picture (seen with every lamp off) is added.",
+    hint: "How much of the ambient picture (seen with every lamp off, or the screen black) is added.",
     kind: Kind::Number { default: 0.0, hard: (0.0, 1000.0), soft: (0.0, 1.0) },
 };
 /// One of [`FieldKind::OF_LAMPS`], or the best.
@@ -233,7 +234,7 @@ pub const OUTPUT: Setting = Setting {
     },
 };
 
-/// The settings of Relume Relight, in the order shown.
+/// The settings of Relume Relight, in the order shown; those of Relume Environment Matte are [`matte::MATTE`].
 pub const RELIGHT: &[Setting] = &[
     ASSET,
     ENVIRONMENT,

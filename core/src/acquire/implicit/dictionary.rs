@@ -102,6 +102,11 @@ impl Dictionary {
         &self.table[first as usize * self.stride..][..count as usize * self.stride]
     }
 
+    /// What a wavelet answers to each pattern.
+    pub(super) fn patterns_of(&self, row: u32) -> &[f32] {
+        &self.rows(row, 1)[..self.patterns]
+    }
+
     /// See the field.
     pub(super) fn weights(&self, first: u32, count: u32) -> &[f32] {
         &self.weights[first as usize..][..count as usize]
@@ -121,7 +126,8 @@ fn check((columns, rows): (usize, usize), patterns: &[Pattern]) -> Result<()> {
             return Err(Error::invalid(place(), found, format!("{columns} x {rows} texels, as the others")));
         }
         if let Some(texel) = pattern.values.iter().position(|light| !light.is_finite()) {
-            let found = format!("light of {} at texel ({}, {})", pattern.values[texel], texel % columns, texel / columns);
+            let found =
+                format!("light of {} at texel ({}, {})", pattern.values[texel], texel % columns, texel / columns);
             return Err(Error::invalid(place(), found, "numbers that are finite"));
         }
         let (low, high) = pattern.values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));

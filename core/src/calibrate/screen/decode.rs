@@ -116,6 +116,39 @@ pub fn decode(shown: &[Shown], picture: &mut dyn FnMut(usize) -> Result<Image>) 
     })
 }
 
+/// A pattern of columns or rows as it was seen.
+#[derive(Debug)]
+pub struct Line<'a> {
+    /// What it changes along.
+    pub along: Along,
+    /// Of each column or row, whether it is lit.
+    pub lit: &'a [bool],
+    /// Photograph less that of the inverse, as shares of white less black, -1 to 1 but for noise; 0 where the pixel sees no
+    /// light. Row by row, the mean of the channels.
+    pub contrast: &'a [f32],
+}
+
+/// Goes through all patterns of columns, coarse to fine, then of rows, as [`decode`] sees them; gives white less black, RGB.
+/// `each` is also told that.
+///
+/// # Errors
+/// As [`decode`].
+pub fn lines(
+    shown: &[Shown],
+    picture: &mut dyn FnMut(usize) -> Result<Image>,
+    each: &mut dyn FnMut(&Image, Line<'_>) -> Result<()>,
+) -> Result<Image> {
+    let bits = [bits(shown, Along::Columns)?, bits(shown, Along::Rows)?];
+    let range = Range::new(shown, &bits, picture)?;
+    for (along, bits) in [Along::Columns, Along::Rows].into_iter().zip(&bits) {
+        for bit in bits {
+            let contrast = range.contrast(bit, picture)?;
+            each(&range.light, Line { along, lit: bit.lit, contrast: &contrast })?;
+        }
+    }
+    Ok(range.light)
+}
+
 /// The bits of a direction, coarse to fine, each with its inverse if that was shown.
 fn bits(shown: &[Shown], direction: Along) -> Result<Vec<Bit<'_>>> {
     let lines = shown.iter().enumerate().filter_map(|(number, shown)| match shown {
@@ -189,6 +222,25 @@ impl Range {
     fn sees(&self, pixel: usize) -> bool {
         self.range[pixel] >= self.least
     }
+
+    /// See [`Line::contrast`].
+    fn contrast(&self, bit: &Bit<'_>, picture: &mut dyn FnMut(usize) -> Result<Image>) -> Result<Vec<f32>> {
+        let mut pictured = |number: usize| -> Result<Vec<f32>> {
+            let picture = picture(number)?.into_rgb();
+            check_size(&self.light, &picture)?;
+            Ok(grey(&picture))
+        };
+        let lit = pictured(bit.number)?;
+        let dark = bit.inverse.map(pictured).transpose()?;
+        let contrast = |pixel: usize| {
+            let difference = match &dark {
+                Some(dark) => lit[pixel] - dark[pixel],
+                None => 2.0 * (lit[pixel] - self.black[pixel]) - self.range[pixel],
+            };
+            if self.sees(pixel) { (difference / self.range[pixel]).clamp(-2.0, 2.0) } else { 0.0 }
+        };
+        Ok((0..lit.len()).map(contrast).collect())
+    }
 }
 
 /// The brightest and the darkest that each pixel was under the patterns.
@@ -217,28 +269,14 @@ impl Axis {
     fn read(bits: &[Bit<'_>], range: &Range, picture: &mut dyn FnMut(usize) -> Result<Image>) -> Result<Self> {
         let pixels = range.width * range.height;
         let mut axis = Self { words: vec![0; pixels], sums: vec![0.0; pixels], weak: vec![0; pixels], resolved: 0 };
-        let mut contrasts = vec![0.0f32; pixels];
         for (n, bit) in bits.iter().enumerate() {
-            let mut pictured = |number: usize| -> Result<Vec<f32>> {
-                let picture = picture(number)?.into_rgb();
-                check_size(&range.light, &picture)?;
-                Ok(grey(&picture))
-            };
-            let lit = pictured(bit.number)?;
-            let dark = bit.inverse.map(&mut pictured).transpose()?;
-            for (pixel, contrast) in contrasts.iter_mut().enumerate() {
-                let difference = match &dark {
-                    Some(dark) => lit[pixel] - dark[pixel],
-                    None => 2.0 * (lit[pixel] - range.black[pixel]) - range.range[pixel],
-                };
-                *contrast = if range.sees(pixel) { (difference / range.range[pixel]).clamp(-1.0, 1.0) } else { 0.0 };
-            }
+            let contrasts = range.contrast(bit, picture)?;
             if !axis.resolves(n, &contrasts) {
                 break;
             }
             for (pixel, contrast) in contrasts.iter().enumerate() {
                 axis.words[pixel] |= u32::from(*contrast > 0.0) << n;
-                axis.sums[pixel] += contrast.abs();
+                axis.sums[pixel] += contrast.abs().min(1.0);
                 axis.weak[pixel] += u8::from(contrast.abs() < WEAK);
             }
             axis.resolved = n + 1;

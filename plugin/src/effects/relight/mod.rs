@@ -9,41 +9,37 @@
 //!
 //! The element has the asset's size in canonical coordinates (square pixels at full scale). It is centred on the
 //! region of definition of Source, which is then also the output's; without a Source it makes its own format from the
-//! origin up ([`placement`]). Smaller render scales are made by area from the full-size element ([`crate::area`]).
+//! origin up ([`placement`](super::placement)). Smaller render scales are made by area from the full-size element ([`crate::area`]).
 //!
 //! | file | what it does |
 //! |---|---|
 //! | `describe` | clips, parameters and promises |
 //! | `controls` | what the artist set, at a time |
-//! | `assets` | fields, maps and weights, shared between instances |
-//! | `placement` | where the element lies |
-//! | `regions` | region of definition, regions of interest, clip preferences |
+//! | `library` | fields, maps and weights, shared between instances |
+//! | `regions` | region of definition, regions of interest |
 //! | `render` | the picture |
-//! | `status` | the line of text that says what is loaded |
+//! | `status` | what is loaded, in words |
 
-mod assets;
 mod controls;
 mod describe;
-mod placement;
+mod library;
 mod regions;
 mod render;
 mod status;
 
-use std::collections::HashMap;
 use std::ffi::{CStr, CString};
-use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
+use std::sync::LazyLock;
 
+use super::instances::Instances;
+use super::{OUTPUT, SOURCE};
 use crate::host::names::{kOfxImageEffectContextFilter, kOfxImageEffectContextGenerator, kOfxImageEffectPropContext};
 use crate::host::{Action, Call, Clip, Effect, Exported, Handler, Reply};
 use crate::pool::Pool;
-use assets::{Held, Library};
+use library::{Instance, Library};
+use status::Voice;
 
-/// The clip of the plate.
-const SOURCE: &CStr = c"Source";
 /// The clip of the lat-long map.
 const ILLUMINATION: &CStr = c"Illumination";
-/// The clip of the picture.
-const OUTPUT: &CStr = c"Output";
 
 /// Is a clip of this name defined in this context? Source stands wherever there can be a plate; Illumination where hosts
 /// know optional clips.
@@ -72,38 +68,12 @@ static RELIGHT: LazyLock<Relight> = LazyLock::new(Relight::default);
 #[derive(Default)]
 pub struct Relight {
     library: Library,
-    /// By the host's handle. Not in the host's own instance data: a render can still run while a careless host destroys
-    /// the instance, and then holds its share of it.
-    instances: Mutex<HashMap<usize, Arc<Instance>>>,
-}
-
-/// What one instance owns: the files it used last.
-#[derive(Default)]
-pub struct Instance {
-    held: Mutex<Held>,
+    instances: Instances<Instance>,
 }
 
 impl Relight {
-    fn instances(&self) -> MutexGuard<'_, HashMap<usize, Arc<Instance>>> {
-        self.instances.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The instance of a call; one that was never announced gets a passing one.
-    fn instance(&self, call: &Call<'_>) -> Arc<Instance> {
-        self.instances().get(&call.effect.key()).cloned().unwrap_or_default()
-    }
-
-    fn create(&self, call: &Call<'_>) -> Reply {
-        let instance = Arc::new(Instance::default());
-        self.instances().insert(call.effect.key(), Arc::clone(&instance));
-        status::created(&self.library, &instance, call);
-        Reply::Ok
-    }
-
-    fn destroy(&self, call: &Call<'_>) -> Reply {
-        let gone = self.instances().remove(&call.effect.key());
-        drop(gone);
-        Reply::Ok
+    fn voice<'a>(&'a self, instance: &'a Instance) -> Voice<'a> {
+        Voice { library: &self.library, instance }
     }
 }
 
@@ -111,8 +81,7 @@ impl Handler for Relight {
     fn load(&self) {}
 
     fn unload(&self) {
-        let instances = std::mem::take(&mut *self.instances());
-        drop(instances);
+        self.instances.clear();
         self.library.clear();
         Pool::shut_down();
     }
@@ -125,13 +94,20 @@ impl Handler for Relight {
         match call.action {
             Action::Describe => describe::describe(call),
             Action::DescribeInContext => describe::describe_in_context(call),
-            Action::CreateInstance => self.create(call),
-            Action::DestroyInstance => self.destroy(call),
-            Action::InstanceChanged => status::changed(&self.library, &self.instance(call), call),
-            Action::RegionOfDefinition => regions::definition(&self.library, &self.instance(call), call),
+            Action::CreateInstance => {
+                let instance = self.instances.create(call);
+                super::status::created(&self.voice(&instance), call);
+                Reply::Ok
+            }
+            Action::DestroyInstance => {
+                self.instances.destroy(call);
+                Reply::Ok
+            }
+            Action::InstanceChanged => super::status::changed(&self.voice(&self.instances.of(call)), call),
+            Action::RegionOfDefinition => regions::definition(&self.library, &self.instances.of(call), call),
             Action::RegionsOfInterest => regions::interest(call),
-            Action::ClipPreferences => regions::preferences(call),
-            Action::Render => render::render(&self.library, &self.instance(call), call),
+            Action::ClipPreferences => super::regions::preferences(call),
+            Action::Render => render::render(&self.library, &self.instances.of(call), call),
             Action::Bracket => Reply::Ok,
             Action::Load | Action::Unload | Action::PurgeCaches | Action::Other => Reply::Default,
         }

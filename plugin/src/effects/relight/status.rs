@@ -1,70 +1,32 @@
-//! The line of text that says what is loaded, or what is wrong. Written when an instance is made and when something
-//! changes, never while rendering: the standard forbids that.
+//! What is loaded, in words.
 
 use relume_core::field::Kind;
 
-use super::assets::{Library, file_name};
 use super::controls::Controls;
-use super::{ILLUMINATION, Instance, input};
+use super::library::{Instance, Library};
+use super::{ILLUMINATION, input};
+use crate::effects::files::file_name;
+use crate::effects::status::{Depth, EMPTY, Speaker};
 use crate::error::{Error, Result};
-use crate::host::names::*;
-use crate::host::{Call, Effect, Reply};
+use crate::host::Effect;
 
-/// Id of the line.
-pub const STATUS: &str = "status";
-/// What it says before anything is set.
-pub const EMPTY: &str = "No asset.";
-/// Id of the button that opens the files again.
-pub const RELOAD: &str = "reload";
-/// Id of the hidden count of reloads: a button alone does not make a host render again, a changed value does.
-pub const RELOADS: &str = "reloads";
-
-/// How far to look: opening an asset is quick, reading a large map is not.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Depth {
-    Asset,
-    AssetAndMap,
+/// An instance with what it shares.
+pub struct Voice<'a> {
+    pub library: &'a Library,
+    pub instance: &'a Instance,
 }
 
-/// A project is being opened, or the effect was just added.
-pub fn created(library: &Library, instance: &Instance, call: &Call<'_>) {
-    write(library, instance, call, 0.0, Depth::Asset);
-}
-
-/// The artist, or the host, changed something.
-pub fn changed(library: &Library, instance: &Instance, call: &Call<'_>) -> Reply {
-    let Some(args) = call.args else { return Reply::Default };
-    let (name, reason) = (args.string(kOfxPropName, 0), args.string(kOfxPropChangeReason, 0));
-    let reason = reason.unwrap_or_default();
-    let name = name.unwrap_or_default();
-    // Our own writing comes back as a change.
-    if reason.as_bytes() == kOfxChangeTime.to_bytes() || [STATUS, RELOADS].contains(&name.as_str()) {
-        return Reply::Ok;
-    }
-    let time = args.double(kOfxPropTime, 0).unwrap_or_default();
-    if name == RELOAD {
-        let controls = Controls::read(&call.effect, time);
-        library.forget(instance, &controls);
-        if let Some(params) = call.effect.params() {
-            let count = params.int(RELOADS, time).unwrap_or_default();
-            params.set_int(RELOADS, count.wrapping_add(1) & i32::from(i16::MAX));
+impl Speaker for Voice<'_> {
+    fn line(&self, effect: &Effect<'_>, time: f64, depth: Depth) -> Result<String> {
+        let controls = Controls::read(effect, time);
+        if controls.asset.trim().is_empty() {
+            return Ok(EMPTY.to_owned());
         }
+        line(self.library, self.instance, effect, &controls, depth)
     }
-    write(library, instance, call, time, Depth::AssetAndMap);
-    Reply::Ok
-}
 
-fn write(library: &Library, instance: &Instance, call: &Call<'_>, time: f64, depth: Depth) {
-    let Some(params) = call.effect.params() else { return };
-    let controls = Controls::read(&call.effect, time);
-    let line = if controls.asset.trim().is_empty() {
-        EMPTY.to_owned()
-    } else {
-        line(library, instance, &call.effect, &controls, depth).unwrap_or_else(|error| error.to_string())
-    };
-    // Hosts mark a project as changed when a value is set, even to what it was.
-    if params.string(STATUS, time).as_deref() != Some(&line) {
-        params.set_string(STATUS, &line);
+    fn forget(&self, effect: &Effect<'_>, time: f64) {
+        self.library.forget(self.instance, &Controls::read(effect, time));
     }
 }
 

@@ -1,24 +1,21 @@
 //! Fields, maps and weights, shared between instances.
-//!
-//! Everything that can use rayon runs on our own threads ([`Pool`]); locks are taken on the host's thread alone.
 
-use std::collections::VecDeque;
 use std::path::Path;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use relume_core::field::{Access, Asset};
 use relume_core::illumination::{Beam, EnvMap};
 use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
 use relume_core::settings::lighting::{self, Preset};
 
-use super::Instance;
 use super::controls::Controls;
+use crate::effects::files::{self, Held};
+use crate::effects::recent::Recent;
 use crate::error::{Error, Result};
-use crate::paths;
 use crate::pool::Pool;
-use crate::registry::{Shelf, Stamp};
+use crate::registry::Shelf;
 
-/// How many pictures' weights are kept: hosts ask for a picture tile by tile, and for a few pictures at once.
+/// How many pictures' weights are kept.
 const WEIGHTS_KEPT: usize = 8;
 
 /// A lighting that ships, by name.
@@ -32,19 +29,15 @@ pub struct Library {
     lightings: Shelf<Vec<Beam>>,
     /// Lightings that ship, by name, as far as they were used.
     presets: Mutex<Vec<Lamps>>,
-    /// Latest first.
-    weights: Mutex<VecDeque<Entry>>,
-    /// Held while weights are computed: threads that render tiles of one picture would all compute them, and the first
-    /// projection of a map takes a second.
-    computing: Mutex<()>,
+    weights: Recent<Origins, Weights, WEIGHTS_KEPT>,
 }
 
-/// The files one instance used last; they stay open with it.
+/// What one instance owns: the files it used last.
 #[derive(Default)]
-pub struct Held {
-    field: Option<Arc<Relighter>>,
-    map: Option<Arc<EnvMap>>,
-    lighting: Option<Arc<Vec<Beam>>>,
+pub struct Instance {
+    field: Held<Relighter>,
+    map: Held<EnvMap>,
+    lighting: Held<Vec<Beam>>,
 }
 
 /// The light of a picture, owned.
@@ -70,12 +63,11 @@ impl Lit {
     }
 }
 
-/// Weights with what they were made from. Files are held weakly: keeping weights must not keep files open.
-struct Entry {
+/// What weights were made from. Files are held weakly: keeping weights must not keep files open.
+struct Origins {
     field: Weak<Relighter>,
     look: Look,
     light: Origin,
-    weights: Arc<Weights>,
 }
 
 enum Origin {
@@ -116,12 +108,9 @@ impl Library {
         if typed.trim().is_empty() {
             return Err(Error::Missing("Choose an asset: a .rfield file in the Asset parameter."));
         }
-        let path = paths::expand(typed)?;
-        let open = || Pool::shared()?.run(|| Ok(Relighter::new(Asset::open(&path, Access::Mapped)?)?));
-        let field = self.fields.get(&Stamp::of(&path)?, open)?;
-        let before = instance.held().field.replace(Arc::clone(&field));
-        drop(before);
-        Ok(field)
+        files::open(&self.fields, &instance.field, typed, |path| {
+            Ok(Relighter::new(Asset::open(path, Access::Mapped)?)?)
+        })
     }
 
     /// The environment of a typed path, read.
@@ -134,13 +123,9 @@ impl Library {
                 "Choose an environment: a lat-long map in the Environment parameter, a connected Illumination clip, a Lighting, or a Lamp above 0.",
             ));
         }
-        let path = paths::expand(typed)?;
         // Reduced once, not for every picture.
-        let open = || Pool::shared()?.run(|| Ok(EnvMap::load(&path)?.reduced(WIDEST_MAP).into_owned()));
-        let map = self.maps.get(&Stamp::of(&path)?, open)?;
-        let before = instance.held().map.replace(Arc::clone(&map));
-        drop(before);
-        Ok(map)
+        let read = |path: &Path| Ok(EnvMap::load(path)?.reduced(WIDEST_MAP).into_owned());
+        files::open(&self.maps, &instance.map, typed, read)
     }
 
     /// The lamps of a typed lighting file.
@@ -148,11 +133,7 @@ impl Library {
     /// # Errors
     /// A path that cannot be used, a file that is not a good lighting.
     pub fn lighting(&self, instance: &Instance, typed: &str) -> Result<Arc<Vec<Beam>>> {
-        let path = paths::expand(typed)?;
-        let beams = self.lightings.get(&Stamp::of(&path)?, || Ok(lighting::load(&path)?.lighting.beams()))?;
-        let before = instance.held().lighting.replace(Arc::clone(&beams));
-        drop(before);
-        Ok(beams)
+        files::open(&self.lightings, &instance.lighting, typed, |path| Ok(lighting::load(path)?.lighting.beams()))
     }
 
     /// The lamps of a lighting that ships.
@@ -177,31 +158,16 @@ impl Library {
         // A change of what is not part of the weights must find them.
         let look = look.of_weights();
         let fits =
-            |e: &Entry| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
-        let find = || self.entries().iter().find(|e| fits(e)).map(|e| Arc::clone(&e.weights));
-        if let Some(weights) = find() {
-            return Ok(weights);
-        }
-        let _computing = self.computing.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(weights) = find() {
-            return Ok(weights);
-        }
-        let weights = Arc::new(Pool::shared()?.run(|| field.weights(light.light(), &look))?);
-        let entry =
-            Entry { field: Arc::downgrade(field), look, light: Origin::of(light), weights: Arc::clone(&weights) };
-        let mut entries = self.entries();
-        entries.push_front(entry);
-        entries.truncate(WEIGHTS_KEPT);
-        Ok(weights)
+            |e: &Origins| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
+        let origins = || Origins { field: Arc::downgrade(field), look, light: Origin::of(light) };
+        self.weights.get(fits, origins, || Ok(Pool::shared()?.run(|| field.weights(light.light(), &look))?))
     }
 
     /// Makes the next picture open these files again.
     pub fn forget(&self, instance: &Instance, controls: &Controls) {
-        *instance.held() = Held::default();
-        let expand = |typed: &str| paths::expand(typed).ok();
-        expand(&controls.asset).iter().for_each(|path: &std::path::PathBuf| self.fields.forget(path));
-        expand(&controls.environment).iter().for_each(|path| self.maps.forget(path));
-        expand(&controls.lighting_file).iter().for_each(|path| self.lightings.forget(path));
+        files::forget(&self.fields, &instance.field, &controls.asset);
+        files::forget(&self.maps, &instance.map, &controls.environment);
+        files::forget(&self.lightings, &instance.lighting, &controls.lighting_file);
     }
 
     /// Lets go of everything that no instance owns.
@@ -211,26 +177,6 @@ impl Library {
         self.lightings.clear();
         let presets = std::mem::take(&mut *self.presets.lock().unwrap_or_else(PoisonError::into_inner));
         drop(presets);
-        let entries = std::mem::take(&mut *self.entries());
-        drop(entries);
+        self.weights.clear();
     }
-
-    fn entries(&self) -> MutexGuard<'_, VecDeque<Entry>> {
-        self.weights.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Instance {
-    fn held(&self) -> MutexGuard<'_, Held> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// The last part of a typed path, for the status line.
-pub fn file_name(typed: &str) -> String {
-    paths::expand(typed)
-        .ok()
-        .as_deref()
-        .and_then(Path::file_name)
-        .map_or_else(|| typed.to_owned(), |name| name.to_string_lossy().into_owned())
 }

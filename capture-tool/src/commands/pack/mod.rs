@@ -1,5 +1,7 @@
 //! `relume pack`: a session -> a field.
 
+mod screen;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write;
@@ -15,6 +17,7 @@ use relume_core::hdr::Curve;
 use relume_core::image::{ColourSpace, EncodeOptions, Encoding, write};
 use relume_core::{Error, Result as CoreResult};
 
+use self::screen::ScreenFlags;
 use super::info::Info;
 use super::note;
 use crate::new_folder::{self, NewFolder};
@@ -34,10 +37,18 @@ Examples:
   relume pack vase -o vase.rfield --alpha vase-matte.png
   relume pack vase -o vase.rfield --partial
   relume pack vase --merged vase-light
+  relume pack glass -o glass.rfield --terms 64
+  relume pack glass -o glass.rfield --basis 9/7 --bare glass-bare
+  relume pack glass -o glass.rfield --tiles 1-32
 
 Brackets are merged with the camera's response and black level, the ambient light is subtracted, drift of the lamps is corrected,
 and each photograph is divided by what its lamp gives a patch facing it. What was found stands in the session's calibration/.
-The photographs stay as they are: pack again as often as you like.";
+The photographs stay as they are: pack again as often as you like.
+
+Patterns of noise on a screen are solved pixel by pixel. Where Gray codes and stripes were photographed as well, the screen that
+is seen past the object is taken out of the photographs, and T is in units of the white screen. A tile is a row of 8 pixels:
+--tiles writes A.rfield.part-A-B, and `relume merge` joins what several machines have solved. A large field that was stopped
+goes on where it was.";
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -56,6 +67,8 @@ pub struct Arguments {
     /// How the field is stored: 16-bit or 32-bit floats.
     #[arg(long, value_enum, default_value_t = PrecisionChoice::Half)]
     precision: PrecisionChoice,
+    #[command(flatten)]
+    screen: ScreenFlags,
 }
 
 /// Where to: at least one.
@@ -112,11 +125,19 @@ impl Arguments {
             report += &self.merge_all(&records, &developer, folder)?;
         }
         let Some(output) = &self.target.output else { return Ok(report) };
+        if let Some(monitor) = &capture.rig.monitor {
+            let captured = screen::Captured { capture, monitor, records: &records, developer: &developer };
+            report += &screen::captured(self, &captured, output)?;
+            developer.doubts().iter().for_each(|doubt| note(doubt));
+            return Ok(report);
+        }
+        self.screen.refuse("a field of a stage")?;
         let Some(stage) = &capture.rig.stage else {
             return Err(Error::Unsupported {
                 place: self.session.display().to_string(),
                 what: format!("a field of {} patterns", capture.sampler),
-                advice: "this version solves stages; --merged DIR writes the photographs as light".to_owned(),
+                advice: "this version solves stages and screens; --merged DIR writes the photographs as light"
+                    .to_owned(),
             }
             .into());
         };
@@ -197,17 +218,21 @@ impl Arguments {
 
     /// A session of photographs made elsewhere.
     fn imported(&self, import: &ImportDescription) -> anyhow::Result<String> {
-        if import.kind != "lp" {
-            return Err(Error::Unsupported {
-                place: self.session.display().to_string(),
-                what: format!("a field from imported {}", import.kind),
-                advice: "this version makes fields of photographs of one lamp each".to_owned(),
-            }
-            .into());
-        }
         let Some(output) = &self.target.output else {
             anyhow::bail!("--merged is for captured brackets; imported photographs are merged already");
         };
+        match import.kind.as_str() {
+            "lp" => self.screen.refuse("a field of lamps")?,
+            "pairs" => return screen::imported(self, import, output),
+            other => {
+                return Err(Error::Unsupported {
+                    place: self.session.display().to_string(),
+                    what: format!("a field from imported {other}"),
+                    advice: "this version makes fields of photographs of one lamp, or one pattern, each".to_owned(),
+                }
+                .into());
+            }
+        }
         let setting = |name: &str| import.settings.get(name).and_then(toml::Value::as_str);
         let file = |name: &str| setting(name).map(|path| self.session.join(path));
         let job = ImportLp {
