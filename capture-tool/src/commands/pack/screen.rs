@@ -16,7 +16,7 @@ use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result as CoreResult};
 
 use super::Arguments;
-use crate::capture::patterns::{Samples, Sets, sets};
+use crate::capture::patterns::{Samples, sets};
 use crate::commands::info::Info;
 use crate::commands::patterns::Encode;
 use crate::commands::{note, values};
@@ -139,7 +139,7 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
         Some(curve) => (curve, String::new()),
         None => emitted::measured(records, developer, &sets, &monitor.curve.curve()?)?,
     };
-    let (view, white, words) = view_of(arguments, &photographs, records, developer, &sets)?;
+    let (view, white, words) = view_of(arguments, &photographs, captured)?;
     report += &words;
     let set = sets.get(samples.set()).ok_or_else(|| Error::invalid("the session", "no patterns", "some"))?;
     if samples == Samples::Functions {
@@ -265,10 +265,9 @@ pub(super) fn imported(arguments: &Arguments, import: &ImportDescription, output
 fn view_of(
     arguments: &Arguments,
     photographs: &Photographs<'_>,
-    records: &Records,
-    developer: &Developer,
-    sets: &Sets,
+    captured: &Captured<'_>,
 ) -> anyhow::Result<(View, Option<(Image, bool)>, String)> {
+    let Captured { capture, records, developer, .. } = captured;
     let flags = &arguments.screen;
     let given = flags.correspondence.as_deref().map(read_correspondence).transpose()?;
     let matte = arguments.alpha.as_deref().map(|path| read_alpha(path, photographs.size())).transpose()?;
@@ -278,7 +277,7 @@ fn view_of(
         let (w, h) = photographs.size();
         return Err(Error::invalid("the bare screen", found, format!("{w} x {h}, as the photographs")).into());
     }
-    let (view, mut words) = view::of_session(records, developer, sets, (given, matte))?;
+    let (view, mut words) = view::of_session(&capture.rig, records, developer, (given, matte))?;
     if view.alpha.is_none() {
         note(
             "how much of the screen is seen past the object is not known: all of every pixel counts as the object, and T stays in \

@@ -3,18 +3,18 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use relume_core::calibrate::screen::{Shown, Sighting, decode, fit};
-use relume_core::domain::patterns::{Element, PatternSet};
 use relume_core::domain::{Correspondence, Domain, Plane};
 use relume_core::image::Image;
 use relume_core::matte::Behind;
-use relume_core::matte::alpha::{self, BareWhite};
+use relume_core::matte::alpha::BareWhite;
 use relume_core::{Error, Result};
 
-use crate::capture::patterns::Sets;
 use crate::pack::develop::Developer;
+use crate::pack::places;
 use crate::pack::records::Records;
-use crate::rigs::Condition;
+use crate::pack::shots::Shots;
+use crate::progress::{Progress, Unit};
+use crate::rigs::{Condition, RigFile};
 use crate::session::{Photograph, Role};
 
 /// What the camera sees of the screen itself.
@@ -94,86 +94,45 @@ impl Ready {
     }
 }
 
-/// Binary patterns with their photographs.
-type Codes<'a> = (Vec<Shown>, Vec<&'a Photograph>);
-
 /// Where pixels look and what covers them: what is `given`, or else what the session's Gray codes and stripes say; and words
-/// for the report.
+/// for the report. Neither, where no such patterns were photographed.
 ///
 /// # Errors
-/// Files that are gone or changed; a coverage of everything or nothing; codes that were photographed and tell no place.
+/// Files that are gone or changed; a coverage of everything or nothing; patterns that were photographed and tell no place.
 pub fn of_session(
+    rig: &RigFile,
     records: &Records,
     developer: &Developer,
-    sets: &Sets,
     given: (Option<Correspondence>, Option<Vec<f32>>),
 ) -> Result<(View, String)> {
     let mut words = String::new();
-    let picture = |codes: &Codes<'_>, n: usize| developer.picture(records, codes.1[n]);
-    let places = codes(records, sets, |element| matches!(element, Element::GrayCode { .. }));
-    let correspondence = match (given.0, &places) {
-        (Some(given), _) => Some(given),
-        (None, Some(codes)) => {
-            let fit = correspondence(&codes.0, &mut |n| picture(codes, n))?;
-            let _ = writeln!(
-                words,
-                "screen     where pixels look is known to {:.2} pixels (median of {} codes)",
-                fit.inliers.median_px, fit.inliers.count
-            );
-            Some(fit.correspondence)
-        }
-        (None, None) => None,
+    let codes = |photograph: &Photograph| match &photograph.condition {
+        Condition::Pattern { set, .. } => matches!(set.as_str(), "gray-code" | "stripes"),
+        _ => false,
     };
-    let stripes = codes(records, sets, |element| matches!(element, Element::Stripes { .. }));
-    let (alpha, bare) = match (given.1, &correspondence, &stripes) {
-        (Some(given), ..) => (Some(given), None),
-        (None, Some(correspondence), Some(codes)) => {
-            let found = alpha::from_stripes(&codes.0, &mut |n| picture(codes, n), correspondence)?;
-            alpha::check(&found.alpha, found.size, "the coverage from the session's stripes")?;
-            (Some(found.alpha), Some(found.bare))
+    if !records.of(Role::Calibration).any(codes) {
+        return Ok((View { correspondence: given.0, alpha: given.1, bare: None }, words));
+    }
+    let shots = Shots::of_session(rig, records, developer)?;
+    let mut progress = Progress::new("reading codes", Unit::Steps);
+    let correspondence = match given.0 {
+        Some(given) => given,
+        None => {
+            let found = places::correspondence(&shots, &mut |done, all| progress.step(done, all))?;
+            let (off, kind) = (found.held_out.median_px, found.held_out_kind);
+            let _ =
+                writeln!(words, "screen     where pixels look is known to {off:.2} pixels (median of {kind} held out)");
+            found.fit.correspondence
         }
-        _ => (None, None),
     };
-    Ok((View { correspondence, alpha, bare }, words))
-}
-
-/// Gray codes -> places -> a correspondence.
-fn correspondence(
-    shown: &[Shown],
-    picture: &mut dyn FnMut(usize) -> Result<Image>,
-) -> Result<relume_core::calibrate::screen::Fit> {
-    let decoded = decode(shown, picture)?;
-    let (width, height) = decoded.size;
-    let sighting = |n: usize| {
-        let (x, y) = (n % width, n / width);
-        Some(Sighting { pixel: [x as f64 + 0.5, y as f64 + 0.5], screen: decoded.screen(x, y)? })
-    };
-    let sightings: Vec<Sighting> = (0..width * height).filter_map(sighting).collect();
-    fit(&sightings, decoded.size, decoded.texels)
-}
-
-/// The calibration photographs under binary patterns that are `wanted`, black and white with them; none where there are none.
-pub fn codes<'a>(records: &'a Records, sets: &Sets, wanted: impl Fn(Element) -> bool) -> Option<Codes<'a>> {
-    let (mut shown, mut photographs) = (Vec::new(), Vec::new());
-    for photograph in records.of(Role::Calibration) {
-        let Condition::Pattern { set, number, .. } = &photograph.condition else { continue };
-        let known = |set: &&PatternSet| *number < set.len() && wanted(set.element(*number));
-        if let Some(set) = sets.get(set).filter(known) {
-            shown.push(Shown::of(&set.pattern(*number)));
-            photographs.push(photograph);
+    let (alpha, bare) = match given.1 {
+        Some(given) => (given, None),
+        None => {
+            let found = places::alpha(&shots, &correspondence, &mut |done, all| progress.step(done, all))?;
+            (found.alpha, Some(found.bare))
         }
-    }
-    if shown.is_empty() {
-        return None;
-    }
-    let plain = |role: Role, what: Shown| records.of(role).next().map(|photograph| (what, photograph));
-    for (what, photograph) in
-        [plain(Role::Black, Shown::Black), plain(Role::AllLit, Shown::White)].into_iter().flatten()
-    {
-        shown.push(what);
-        photographs.push(photograph);
-    }
-    Some((shown, photographs))
+    };
+    Ok((View { correspondence: Some(correspondence), alpha: Some(alpha), bare }, words))
 }
 
 /// Reads a correspondence that `relume calibrate screen` wrote.
