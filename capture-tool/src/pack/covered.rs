@@ -1,24 +1,26 @@
 //! Which pixels see the object, and not the screen itself.
 
-use relume_core::calibrate::screen::{Shown, Sighting, decode, fit};
-use relume_core::domain::patterns::{Element, PatternSet};
+use relume_core::calibrate::screen::{Sighting, decode, fit};
+use relume_core::domain::patterns::Element;
 use relume_core::image::Image;
 use relume_core::{Error, Result};
 
 use super::develop::Developer;
 use super::records::Records;
+use super::screen::view::{self, View};
 use crate::capture::patterns::Sets;
-use crate::rigs::Condition;
-use crate::session::{Photograph, Role};
+use crate::session::Photograph;
 
+/// Coverage from which a pixel counts: of the rest little is left, and measured coverage strays by some percent.
+const OBJECT: f32 = 0.9;
 /// A place on the screen may be so far, in texels, from where a pixel looks past the object, beside what rounding leaves.
 const NEAR: f64 = 1.0;
 /// Pixels that the line of sight is fitted to: more would not make it better.
 const FITTED: usize = 100_000;
 
 /// Marks a pixel that shows the object, row by row: what sees the screen itself answers to single texels, as a perfect mirror
-/// would, and would draw all functions to it (6.6.4). A pixel does that whose place on the screen, read from Gray codes or
-/// stripes, is where a straight line of sight meets it.
+/// would, and would draw all functions to it (6.6.4). Stripes tell the coverage; without them a pixel is taken to see the screen
+/// whose place on it, read from Gray codes, is where a straight line of sight meets it.
 ///
 /// Without such patterns among the calibration photographs all pixels count, and so they do where nothing of the screen is seen
 /// past the object.
@@ -27,7 +29,13 @@ const FITTED: usize = 100_000;
 /// Files that are gone or changed.
 pub fn covered(records: &Records, developer: &Developer, sets: &Sets, size: (usize, usize)) -> Result<Vec<bool>> {
     let all = vec![true; size.0 * size.1];
-    let Some((shown, photographs)) = codes(records, sets) else { return Ok(all) };
+    let Some((shown, photographs)) = view::codes(records, sets, tells_a_place) else { return Ok(all) };
+    match view::of_session(records, developer, sets, (None, None)) {
+        Ok((View { alpha: Some(alpha), .. }, _)) => return Ok(alpha.iter().map(|alpha| *alpha > OBJECT).collect()),
+        Ok(_) => {}
+        Err(Error::Invalid { .. }) if readable(records, &photographs) => {}
+        Err(error) => return Err(error),
+    }
     let picture = &mut |n: usize| -> Result<Image> { developer.picture(records, photographs[n]) };
     let decoded = match decode(&shown, picture) {
         Ok(decoded) => decoded,
@@ -53,32 +61,8 @@ pub fn covered(records: &Records, developer: &Developer, sets: &Sets, size: (usi
     Ok((0..all.len()).map(sees_object).collect())
 }
 
-/// Binary patterns of a session with their photographs, black and white with them; none where it has none.
-fn codes<'a>(records: &'a Records, sets: &Sets) -> Option<(Vec<Shown>, Vec<&'a Photograph>)> {
-    let (mut shown, mut photographs) = (Vec::new(), Vec::new());
-    for photograph in records.of(Role::Calibration) {
-        let Condition::Pattern { set, number, .. } = &photograph.condition else { continue };
-        let Some(set) = sets.get(set).filter(|set| *number < set.len()) else { continue };
-        if tells_a_place(set, *number) {
-            shown.push(Shown::of(&set.pattern(*number)));
-            photographs.push(photograph);
-        }
-    }
-    if shown.is_empty() {
-        return None;
-    }
-    let plain = |role: Role, what: Shown| records.of(role).next().map(|photograph| (what, photograph));
-    for (what, photograph) in
-        [plain(Role::Black, Shown::Black), plain(Role::AllLit, Shown::White)].into_iter().flatten()
-    {
-        shown.push(what);
-        photographs.push(photograph);
-    }
-    Some((shown, photographs))
-}
-
-fn tells_a_place(set: &PatternSet, number: usize) -> bool {
-    matches!(set.element(number), Element::GrayCode { .. } | Element::Stripes { .. })
+fn tells_a_place(element: Element) -> bool {
+    matches!(element, Element::GrayCode { .. } | Element::Stripes { .. })
 }
 
 fn readable(records: &Records, photographs: &[&Photograph]) -> bool {

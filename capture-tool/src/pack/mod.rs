@@ -13,7 +13,6 @@
 //! | [`records`] | which photograph counts for what; files checked against their hashes |
 //! | [`develop`] | black level, response, brackets to light |
 //! | [`covered`] | which pixels see the object, and not the screen itself |
-//! | [`explicit`] | pictures under the basis functions of a screen |
 //! | [`lamps`] | irradiances from the white ball |
 //! | [`checks`] | movement, drift, linearity |
 //! | [`shots`] | photographs of a screen's calibration patterns |
@@ -24,7 +23,6 @@
 pub mod checks;
 pub mod covered;
 pub mod develop;
-pub mod explicit;
 pub mod lamps;
 pub mod places;
 pub mod records;
