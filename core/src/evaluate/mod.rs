@@ -8,6 +8,7 @@
 //! | [`pixel_sets`] | diffuse, glossy and shadowed pixels, from their reflectance functions |
 //! | [`sliver`] | a turning sliver of light: a column of the picture over time (figures 4.17 and 4.18) |
 //! | [`compression`] | errors of reflectance functions of few wavelet coefficients |
+//! | [`implicit`] | errors of implicit sampling, by terms and patterns (figure 6.30) |
 //! | `relit` | errors of relit pictures, by lamps left out |
 //! | `representations` | errors of relit pictures, by compact representations |
 //! | `blocks` | the field, block by block, in bounded memory |
@@ -15,6 +16,7 @@
 mod blocks;
 mod compare;
 pub mod compression;
+pub mod implicit;
 pub mod pixel_sets;
 pub mod reconstruction;
 mod relit;

@@ -4,12 +4,14 @@
 //! |---|---|
 //! | `reconstruction` | how well fields are rebuilt from a part of their lamps |
 //! | `compression` | how well few coefficients stand for reflectance functions, and compact fields for samples |
+//! | `implicit` | how well implicit sampling relights, by terms and patterns |
 //! | `inputs` | flags that both take |
 //! | `lines` | line charts |
 //! | `pictures` | what is shown: exposure, false colours, sizes |
 //! | `page` | the self-contained page, and the files beside it |
 
 mod compression;
+mod implicit;
 mod inputs;
 mod lines;
 mod page;
@@ -25,6 +27,8 @@ pub enum Subject {
     Reconstruction(reconstruction::Arguments),
     /// Measure what wavelets and compact representations of a field lose, and what they save.
     Compression(compression::Arguments),
+    /// Solve the virtual monitor by implicit sampling, and measure errors by terms and patterns.
+    Implicit(implicit::Arguments),
 }
 
 impl Subject {
@@ -33,6 +37,7 @@ impl Subject {
         match self {
             Subject::Reconstruction(arguments) => arguments.run(),
             Subject::Compression(arguments) => arguments.run(),
+            Subject::Implicit(arguments) => arguments.run(),
         }
     }
 }
