@@ -3,14 +3,14 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use relume_core::Result;
 use relume_core::domain::{Correspondence, Domain, Plane};
 use relume_core::image::Image;
 use relume_core::matte::Behind;
 use relume_core::matte::alpha::BareWhite;
-use relume_core::{Error, Result};
 
 use crate::pack::develop::Developer;
-use crate::pack::places;
+use crate::pack::places::{self, ScreenFile};
 use crate::pack::records::Records;
 use crate::pack::shots::Shots;
 use crate::progress::{Progress, Unit};
