@@ -217,7 +217,10 @@ fn a_field_of_functions_shows_what_the_scene_shows() {
     let rig = |more: &str| {
         RIG.replace("columns = 16\nrows = 16\nfunctions = 40", &format!("columns = 32\nrows = 32\n{more}"))
             .replace("[\"gray-code\"]", "[\"gray-code\", \"stripes\"]")
-            .replace("width = 40\nheight = 30\nsamples = 4", "width = 80\nheight = 60\nsamples = 16\nscene = \"diffuse\"")
+            .replace(
+                "width = 40\nheight = 30\nsamples = 4",
+                "width = 80\nheight = 60\nsamples = 16\nscene = \"diffuse\"",
+            )
             .replace("times_s = [0.05, 0.8]", "times_s = [0.05, 0.4, 3.2]")
     };
     let quality = Quality { samples: 16, seed: 1, ..Quality::rig() };
@@ -235,8 +238,12 @@ fn a_field_of_functions_shows_what_the_scene_shows() {
         let (field, lit) = (set.path("a.rfield"), set.path("lit.exr"));
         let said = succeed(tool("pack").arg(set.path("s")).arg("-o").arg(&field));
         assert!(said.contains(&format!("{functions} functions")), "{said}");
-        write(&set.path("plane.exr"), &Image::from_fn(TEXELS.0, TEXELS.1, |x, y| light[y * TEXELS.0 + x]), Default::default())
-            .unwrap();
+        write(
+            &set.path("plane.exr"),
+            &Image::from_fn(TEXELS.0, TEXELS.1, |x, y| light[y * TEXELS.0 + x]),
+            Default::default(),
+        )
+        .unwrap();
         succeed(tool("relight").arg(&field).arg("--plane").arg(set.path("plane.exr")).arg("-o").arg(&lit));
         let asset = Asset::open(&field, Access::Read).unwrap();
         let alpha = asset.alpha().expect("stripes give alpha");

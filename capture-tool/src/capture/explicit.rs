@@ -29,7 +29,6 @@ pub struct Explicit {
     rig: RigFile,
     /// Steps before the first function.
     opening: Vec<Step>,
-    sets: Sets,
     set: PatternSet,
     /// Numbers of the patterns of each function.
     parts: HashMap<u32, Vec<usize>>,
@@ -68,7 +67,7 @@ struct Scale {
 
 impl Explicit {
     /// Begins, or goes on where the journal of `root` ends. `opening` are the steps before the first function; `sets` has the
-    /// functions in their parts, and what the calibration shows.
+    /// functions in their parts.
     ///
     /// # Errors
     /// A rig without a screen; a journal that cannot be read.
@@ -92,7 +91,6 @@ impl Explicit {
             rig: rig.clone(),
             opening,
             growth: Growth::new(transform(monitor, set)?.tree(), weight, monitor.threshold),
-            sets: sets.clone(),
             set: set.clone(),
             parts,
             most: monitor.functions,
@@ -129,7 +127,7 @@ impl Explicit {
         let (black, white) = (mean(black, black2), mean(white, white2));
         let mut lit = white.clone();
         lit.data_mut().iter_mut().zip(black.data()).for_each(|(v, s)| *v -= s);
-        let covered = covered(&records, &developer, &self.sets, lit.size())?;
+        let covered = covered(&self.rig, &records, &developer, lit.width() * lit.height())?;
         let tree = Transform::tree(&transform(self.monitor()?, &self.set)?);
         let bound = Bound::new(tree, self.weight, &lit, covered.clone())?;
         let counted = [covered.iter().filter(|covered| **covered).count(), covered.len()];

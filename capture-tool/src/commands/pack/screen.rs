@@ -130,7 +130,10 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
             arguments.session.display()
         ),
         other => {
-            anyhow::bail!("{}: a session of --sampler {other}; noise, scan and explicit make fields", arguments.session.display())
+            anyhow::bail!(
+                "{}: a session of --sampler {other}; noise, scan and explicit make fields",
+                arguments.session.display()
+            )
         }
     };
     let sets = sets(&capture.rig, samples, capture.seed)?;

@@ -128,8 +128,8 @@ impl ExplicitPack<'_> {
 
     /// What a person should know: functions that were shown through another curve than the screen's are other functions.
     pub fn doubts(&self) -> Option<String> {
-        let two_levels = self.wavelet().is_ok_and(|wavelet| wavelet == Wavelet::Haar)
-            && matches!(self.set.kind(), Kind::Wavelet(_));
+        let two_levels =
+            self.wavelet().is_ok_and(|wavelet| wavelet == Wavelet::Haar) && matches!(self.set.kind(), Kind::Wavelet(_));
         let shown = Shown::new(self.set, self.curves);
         let off = |n: u16| (shown.light(f32::from(n) / 255.0) - f32::from(n) / 255.0).abs();
         let worst = (0..=255).map(off).fold(0.0, f32::max);
@@ -160,7 +160,8 @@ impl ExplicitPack<'_> {
         // Black is subtracted already.
         let black = Image::new(first.width(), first.height(), first.channels());
         let shifted = matches!(self.set.element(*number), Element::Shifted { .. });
-        let texels = |value: &dyn Fn(usize) -> f32| -> Vec<f32> { (0..light[0].len()).map(|n| scale * value(n)).collect() };
+        let texels =
+            |value: &dyn Fn(usize) -> f32| -> Vec<f32> { (0..light[0].len()).map(|n| scale * value(n)).collect() };
         let (parts, psi) = match (lit.get(1), shifted) {
             (_, true) => (Parts::Shifted(first), texels(&|n| 2.0 * light[0][n] - 1.0)),
             (Some(second), false) => (Parts::Split(first, second), texels(&|n| light[0][n] - light[1][n])),
@@ -170,7 +171,11 @@ impl ExplicitPack<'_> {
             (Some(white), _) => white,
             (None, false) => &black,
             (None, true) => {
-                return Err(Error::invalid("the session", "no photograph of the white screen", "one: capture it again"));
+                return Err(Error::invalid(
+                    "the session",
+                    "no photograph of the white screen",
+                    "one: capture it again",
+                ));
             }
         };
         let mut picture = parts.picture(scale, &black, white)?;
