@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
-use relume_core::field::{Access, Asset, Kind};
-use relume_core::illumination::EnvMap;
+use clap::Args;
+use relume_core::field::{Access, Asset};
+use relume_core::illumination::{EnvMap, MapCentre};
 use relume_core::image::{self, ColourSpace, EncodeOptions, Encoding, Image, Window};
 use relume_core::matte::{Backdrop, Beyond, Composite, Place, Show};
 use relume_core::relight::{Look, ScreenRelighter};
@@ -38,19 +38,25 @@ pub struct Arguments {
     /// The picture to write; its extension chooses the type.
     #[arg(short = 'o', value_name = "OUT")]
     to: PathBuf,
-    /// Where the object stands: its middle to the right and downwards from the plate's, in pixels of the plate; pixels of the plate
-    /// a pixel of the object; degrees counter-clockwise.
+    /// Where the object stands: its middle to the right of the plate's and above it, in pixels of the plate; pixels of the plate for
+    /// one of the object; degrees counter-clockwise. The same numbers as in Relume Environment Matte.
     #[arg(long, value_name = "X,Y,SCALE,ROTATE", allow_hyphen_values = true, value_parser = place, default_value = "0,0,1,0")]
     place: Place,
-    /// What is written.
-    #[arg(long, value_enum, default_value_t = OutputChoice::Composite)]
-    output: OutputChoice,
-    /// The light of texels that the plate does not reach: stretch (its edge goes on), a colour R,G,B, or a lat-long map with its
-    /// -z behind the plate.
+    #[arg(long, value_name = "WHAT", help = settings::matte::OUTPUT.hint,
+          value_parser = values::choice(&settings::matte::OUTPUT),
+          default_value = values::neutral_option(&settings::matte::OUTPUT))]
+    output: usize,
+    /// What the object sees where the screen reached farther than the plate does: stretch (its edge goes on), a colour R,G,B, or a
+    /// lat-long map in the colours of the plate.
     #[arg(long, value_name = "stretch|R,G,B|MAP", allow_hyphen_values = true, default_value = "stretch")]
     beyond: String,
-    /// Width of the plate as the camera sees it, degrees; for a map beyond it.
-    #[arg(long, value_name = "DEG", value_parser = view, default_value_t = 40.0)]
+    #[arg(long, value_name = "SIDE", help = settings::MAP_CENTRE.hint,
+          value_parser = values::choice(&settings::MAP_CENTRE),
+          default_value = values::neutral_option(&settings::MAP_CENTRE))]
+    map_centre: usize,
+    #[arg(long, value_name = "DEG", help = settings::matte::VIEW_ANGLE.hint,
+          allow_negative_numbers = true, value_parser = values::number(&settings::matte::VIEW_ANGLE),
+          default_value_t = values::neutral(&settings::matte::VIEW_ANGLE))]
     view: f64,
     /// The colour space of plate and output: lin_rec709, lin_rec2020, acescg, aces2065_1 or lin_p3d65.
     #[arg(long, value_name = "SPACE", value_parser = values::colour_space, default_value_t = ColourSpace::default())]
@@ -70,45 +76,13 @@ pub struct Arguments {
           allow_negative_numbers = true, value_parser = values::number(&settings::AMBIENT),
           default_value_t = values::neutral(&settings::AMBIENT))]
     ambient: f64,
-    /// The representation, for fields that hold several.
-    #[arg(long, value_enum, value_name = "FORM")]
-    representation: Option<FormChoice>,
+    #[arg(long, value_name = "FORM", help = settings::matte::REPRESENTATION.hint,
+          value_parser = values::choice(&settings::matte::REPRESENTATION),
+          default_value = values::neutral_option(&settings::matte::REPRESENTATION))]
+    representation: usize,
     /// How the file is opened: memory-mapped, or read piece by piece, for network disks.
     #[arg(long, value_enum, default_value_t = AccessChoice::Mapped)]
     access: AccessChoice,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum OutputChoice {
-    /// The object over the plate.
-    Composite,
-    /// The object alone, premultiplied.
-    Element,
-    /// Its coverage, as grey.
-    Alpha,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum FormChoice {
-    /// Pictures of squares.
-    Dense,
-    /// Tiles of low rank.
-    Factored,
-    /// Wavelets of each pixel.
-    Wavelet,
-    /// Wavelets that the screen showed.
-    Explicit,
-}
-
-impl FormChoice {
-    fn kind(self) -> Kind {
-        match self {
-            Self::Dense => Kind::Dense,
-            Self::Factored => Kind::Factored,
-            Self::Wavelet => Kind::Wavelet,
-            Self::Explicit => Kind::Explicit,
-        }
-    }
 }
 
 /// `--beyond`.
@@ -130,6 +104,7 @@ struct Plan {
     place: Place,
     show: Show,
     beyond: BeyondPlan,
+    centre: MapCentre,
     view_deg: f64,
     look: Look,
 }
@@ -147,18 +122,13 @@ impl Arguments {
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.to)?;
         let look = Look {
-            representation: self.representation.map(FormChoice::kind),
+            representation: settings::matte::representation(self.representation),
             exposure_ev: self.exposure,
             tint: self.tint,
             ambient: self.ambient,
             map_space: self.plate_space,
             output_space: self.plate_space,
             ..Look::default()
-        };
-        let show = match self.output {
-            OutputChoice::Composite => Show::Composite,
-            OutputChoice::Element => Show::Element,
-            OutputChoice::Alpha => Show::Alpha,
         };
         Ok(Plan {
             asset: self.asset,
@@ -167,8 +137,9 @@ impl Arguments {
             encoding: EncodingChoice::of(self.plate_encoding),
             to: self.to,
             place: self.place,
-            show,
+            show: settings::matte::show(self.output),
             beyond: beyond(&self.beyond)?,
+            centre: settings::map_centre(self.map_centre),
             view_deg: self.view,
             look,
         })
@@ -212,7 +183,7 @@ impl Plan {
                 let of_screen = (relighter.plane(), relighter.correspondence());
                 let backdrop = Backdrop::new(of_screen, object, &self.place, size)?;
                 let map = match &self.beyond {
-                    BeyondPlan::Map(path) => Some(EnvMap::load(path)?),
+                    BeyondPlan::Map(path) => Some(EnvMap::load(path)?.oriented(self.centre, 0.0)),
                     BeyondPlan::Stretch | BeyondPlan::Colour(_) => None,
                 };
                 let beyond = match (&self.beyond, &map) {
@@ -235,18 +206,9 @@ impl Plan {
 /// `X,Y,SCALE,ROTATE`.
 fn place(text: &str) -> Result<Place, String> {
     let [x, y, scale, rotate_deg] = values::list::<4>(text)?;
-    let place = Place { shift: [x, y], scale, rotate_deg };
+    let place = settings::matte::place([x, y], scale, rotate_deg);
     place.check().map_err(|error| error.to_string())?;
     Ok(place)
-}
-
-fn view(text: &str) -> Result<f64, String> {
-    let degrees = values::finite(text)?;
-    if degrees > 0.0 && degrees < 180.0 {
-        Ok(degrees)
-    } else {
-        Err("a width of more than 0 and less than 180 degrees".to_owned())
-    }
 }
 
 fn beyond(text: &str) -> anyhow::Result<BeyondPlan> {
@@ -265,6 +227,8 @@ fn beyond(text: &str) -> anyhow::Result<BeyondPlan> {
 
 #[cfg(test)]
 mod tests {
+    use relume_core::field::Kind;
+
     use super::*;
     use crate::commands::testing;
 
@@ -277,7 +241,7 @@ mod tests {
         let line = "matte a.rfield --plate p.exr -o out.exr --place -20,10.5,0.5,-30 --output element --beyond 0.1,0.2,-0.3 \
                     --exposure -1 --ambient 1 --plate-space acescg --representation explicit";
         let plan = parse(line).unwrap().plan().unwrap();
-        assert_eq!(plan.place, Place { shift: [-20.0, 10.5], scale: 0.5, rotate_deg: -30.0 });
+        assert_eq!(plan.place, Place { shift: [-20.0, -10.5], scale: 0.5, rotate_deg: -30.0 });
         assert_eq!((plan.show, plan.beyond), (Show::Element, BeyondPlan::Colour([0.1, 0.2, -0.3])));
         assert_eq!((plan.look.representation, plan.look.map_space), (Some(Kind::Explicit), ColourSpace::AcesCg));
     }
