@@ -107,6 +107,44 @@ fn a_virtual_screen_is_calibrated() {
     assert!(!path("b.exr").exists());
 }
 
+/// Every texel by itself, a coloured picture on the screen, with the object and without: relit and photographed agree.
+#[test]
+fn a_relit_picture_is_held_against_its_photograph() {
+    let rig = RIG
+        .replace("= 48", "= 16")
+        .replace("[camera]", "squares = 16\n[camera]")
+        .replace("[0.05, 0.4]\nlimits", "[0.05, 0.8, 12.0]\nlimits")
+        .replace("\"ramp\", ", "")
+        .replace("width = 96\nheight = 72", "width = 64\nheight = 48");
+    let capture = Capture::with(&rig);
+    let picture = capture.path("colours.png");
+    let colours =
+        Image::from_fn(16, 16, |x, y| [0.1 + x as f32 / 20.0, 0.9 - y as f32 / 20.0, ((x ^ y) & 4) as f32 / 4.0]);
+    write(&picture, &colours, EncodeOptions::default()).unwrap();
+    succeed(&mut capture.begin("s", &["--sampler", "scan"]));
+    succeed(&mut capture.begin("bare", &["--bare"]));
+    let report = |field: &str, output: &str| {
+        let mut command = tool("evaluate");
+        command.arg("reference").arg(capture.path("s")).arg("--bare").arg(capture.path("bare"));
+        command.arg("--field").arg(capture.path(field)).arg("-o").arg(capture.path(output));
+        command
+    };
+    succeed(tool("pack").arg(capture.path("s")).arg("-o").arg(capture.path("a.rfield")));
+    refuse(&mut report("a.rfield", "r"), &["no photographs of pictures", "--reference"]);
+    succeed(capture.resume("s", &["--reference"]).arg(&picture));
+    refuse(&mut report("a.rfield", "r"), &["no photograph of picture", "with the object and without it"]);
+    succeed(capture.resume("bare", &["--reference"]).arg(&picture));
+    let said = succeed(&mut report("a.rfield", "r"));
+    let rows: Value = serde_json::from_str(&fs::read_to_string(capture.path("r/errors.json")).unwrap()).unwrap();
+    for (pixels, most) in [("object", 0.06), ("all", 0.03)] {
+        let error = rows[0][pixels]["relative_l2"].as_f64().unwrap();
+        assert!(error < most, "{pixels}: {error}: {said}");
+    }
+    for name in ["index.html", "1-photographed.png", "1-relit.png", "1-difference.png"] {
+        assert!(capture.path("r").join(name).is_file(), "{name}");
+    }
+}
+
 #[test]
 fn opaque_objects_by_triangulation() {
     let folder = tempfile::tempdir().unwrap();
@@ -146,9 +184,9 @@ fn real_codes_are_decoded() {
         command.arg(data.join(name).join("patterns")).arg("--photos").arg(data.join(name).join("photos"));
         succeed(&mut command)
     };
-    // A flat board, so a homography; half a pixel and what rounding to texels of one to two pixels leaves.
+    // A board before a wall, a little bent, by a projector with a lens: rounding to texels of 1.7 pixels alone makes 0.7.
     let board = screen("procam-graycode");
-    assert!(number(&board, "held out", "median") < 1.0, "{board}");
+    assert!(number(&board, "held out", "median") < 1.6, "{board}");
     let glass = screen("glass-graycode");
     assert!(number(&glass, "held out", "median") < 1.0, "{glass}");
 

@@ -191,8 +191,22 @@ impl ScreenFile {
     /// Reads it; `size` is that of the photographs it is for.
     ///
     /// # Errors
-    /// No such file; numbers that make no correspondence; one of a camera of another size.
+    /// As [`ScreenFile::open`]; a camera of another size.
     pub fn read(path: &Path, size: (usize, usize)) -> Result<Self> {
+        let file = Self::open(path)?;
+        if file.picture != <[usize; 2]>::from(size) {
+            let found = format!("a camera of {} x {} pixels", file.picture[0], file.picture[1]);
+            let expected = format!("one of {} x {}, as the photographs", size.0, size.1);
+            return Err(Error::invalid(path.display().to_string(), found, expected));
+        }
+        Ok(file)
+    }
+
+    /// Reads it for photographs of any size.
+    ///
+    /// # Errors
+    /// No such file; numbers that make no correspondence; another version.
+    pub fn open(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|source| Error::io("read", path, source))?;
         let place = path.display().to_string();
         let file: Self = serde_json::from_str(&text).map_err(|error| {
@@ -200,10 +214,6 @@ impl ScreenFile {
         })?;
         if file.version != VERSION {
             return Err(Error::invalid(place, format!("version {}", file.version), format!("version {VERSION}")));
-        }
-        if file.picture != <[usize; 2]>::from(size) {
-            let found = format!("a camera of {} x {} pixels", file.picture[0], file.picture[1]);
-            return Err(Error::invalid(place, found, format!("one of {} x {}, as the photographs", size.0, size.1)));
         }
         Ok(file)
     }

@@ -6,6 +6,7 @@
 //! | `compression` | how well few coefficients stand for reflectance functions, and compact fields for samples |
 //! | `explicit` | how well functions shown on a screen one by one capture what stands before it |
 //! | `reference` | relit pictures against photographs under the same picture on a screen |
+//! | `implicit` | how well implicit sampling relights, by terms and patterns |
 //! | `inputs` | flags that both take |
 //! | `lines` | line charts |
 //! | `pictures` | what is shown: exposure, false colours, sizes |
@@ -13,6 +14,7 @@
 
 mod compression;
 mod explicit;
+mod implicit;
 mod inputs;
 mod lines;
 mod page;
@@ -33,6 +35,8 @@ pub enum Subject {
     Compression(compression::Arguments),
     /// Measure explicit sampling on virtual screens: errors of relit pictures over the number of functions.
     Explicit(explicit::Arguments),
+    /// Solve the virtual monitor by implicit sampling, and measure errors by terms and patterns.
+    Implicit(implicit::Arguments),
 }
 
 impl Subject {
@@ -43,6 +47,7 @@ impl Subject {
             Subject::Reference(arguments) => arguments.run(),
             Subject::Compression(arguments) => arguments.run(),
             Subject::Explicit(arguments) => arguments.run(),
+            Subject::Implicit(arguments) => arguments.run(),
         }
     }
 }

@@ -3,14 +3,14 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use relume_core::Result;
 use relume_core::domain::{Correspondence, Domain, Plane};
 use relume_core::image::Image;
 use relume_core::matte::Behind;
 use relume_core::matte::alpha::BareWhite;
-use relume_core::{Error, Result};
 
 use crate::pack::develop::Developer;
-use crate::pack::places;
+use crate::pack::places::{self, ScreenFile};
 use crate::pack::records::Records;
 use crate::pack::shots::Shots;
 use crate::progress::{Progress, Unit};
@@ -140,9 +140,5 @@ pub fn of_session(
 /// # Errors
 /// No such file; numbers that are no correspondence.
 pub fn read_correspondence(path: &Path) -> Result<Correspondence> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::io("read", path, source))?;
-    let broken = |error: serde_json::Error| {
-        Error::invalid(path.display().to_string(), error.to_string(), "a file of `relume calibrate screen`")
-    };
-    serde_json::from_str(&text).map_err(broken)
+    Ok(ScreenFile::open(path)?.correspondence)
 }

@@ -1,10 +1,13 @@
-//! What a pixel would see of stripes on the bare screen: their mean over its footprint, lit 1 and dark -1.
+//! What a pixel would see of stripes on the bare screen: their mean over the part of its footprint that lies on the screen, lit 1
+//! and dark -1.
 
 use crate::calibrate::screen::Along;
 use crate::domain::Correspondence;
 
 /// Places across the footprint's lesser extent.
 const ACROSS: usize = 4;
+/// Less of a footprint on the screen is none.
+const LEAST: f64 = 1e-3;
 
 /// The integral of a line of stripes.
 #[derive(Debug, Clone)]
@@ -55,15 +58,21 @@ impl Footprint {
         Self { middle: correspondence.screen_of(pixel), half }
     }
 
-    /// The mean of stripes over it: the trapezoid of a parallelogram is a box moved over another.
+    /// The mean of stripes over it: the trapezoid of a parallelogram is a box moved over another. 0 beside the screen.
     pub fn seen(&self, along: Along, integral: &Integral) -> f64 {
         let axis = usize::from(along == Along::Rows);
         let ([long, short], middle) = (self.half[axis], self.middle[axis]);
-        let part = |n: usize| {
+        if middle.is_nan() {
+            return 0.0;
+        }
+        let (mut sum, mut inside) = (0.0, 0.0);
+        for n in 0..ACROSS {
             let at = middle + short * (2.0 * (n as f64 + 0.5) / ACROSS as f64 - 1.0);
-            integral.mean(at - long, at + long)
-        };
-        if middle.is_nan() { 0.0 } else { (0..ACROSS).map(part).sum::<f64>() / ACROSS as f64 }
+            let (from, to) = (at - long, at + long);
+            sum += integral.mean(from, to);
+            inside += (to.min(1.0) - from.max(0.0)).max(0.0) / (to - from);
+        }
+        if inside > LEAST { sum / inside } else { 0.0 }
     }
 
     /// Does all of it lie on the screen?
@@ -101,7 +110,8 @@ mod tests {
             assert!((seen - sum / (samples * samples) as f64).abs() < 0.02, "{seen}");
             assert!(footprint.inside());
         }
-        assert!(!Footprint::new(&correspondence, [0.2, 0.2], 1.0).inside());
+        let edge = Footprint::new(&correspondence, [0.2, 0.2], 1.0);
+        assert!(!edge.inside() && (edge.seen(Along::Columns, &integral) - 1.0).abs() < 1e-9);
         assert_eq!(Footprint::new(&correspondence, [-20.0, 20.0], 1.0).seen(Along::Columns, &integral), 0.0);
     }
 }

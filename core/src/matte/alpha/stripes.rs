@@ -1,7 +1,7 @@
 //! Alpha from stripes and codes (after Zongker, Werner, Curless and Salesin 1999, who tell covered pixels by their stripes).
 //!
 //! Pattern k on the bare screen would be seen at a pixel as `b_k`, from 1 (lit) to -1 (dark), its mean over the pixel's
-//! footprint. A share c of the pixel sees it so; the rest sees the screen elsewhere, or blurred, or not at all, and adds at
+//! footprint. A share c of the pixel sees it so; the rest sees the screen elsewhere, or blurred, or looks past it, and adds at
 //! most what it adds under white. So with `x_k`, the photograph less that of the inverse over the light of the bare white
 //! screen there, and w the same of the white photograph,
 //!
@@ -11,7 +11,8 @@
 //!
 //! A diffuse body blurs fine stripes to nothing: `r_k = 0`. Glass shows them from elsewhere, where they are as often lit as not:
 //! `r_k` is as often positive as negative, and of one size. Either way c is the middle of the least and the greatest `x_k b_k`
-//! over the fine patterns, and `alpha = 1 - c`. What is seen straight through, only darker, counts as seen directly.
+//! over the fine patterns (an eighth of them left out at either end), and `alpha = 1 - c`. What is seen straight through, only
+//! darker, counts as seen directly.
 
 use half::f16;
 use rayon::prelude::*;
@@ -29,6 +30,10 @@ const FINE: usize = 7;
 const CLEAR: [f64; 3] = [0.97, 0.7, 0.4];
 /// So many of them at least.
 const FEWEST: usize = 4;
+/// One of so many is left out at either end: a stripe's edge that lies a little elsewhere.
+const OUTLIERS: usize = 8;
+/// Patterns of which the camera keeps less than this share of the contrast that it keeps of the clearest are too fine for it.
+const RESOLVED: f64 = 0.5;
 /// A pixel sees the bare screen, to begin with, whose contrasts are as expected to this share, ...
 const ALIKE: f64 = 0.15;
 /// ... and have this share of the white light.
@@ -94,16 +99,16 @@ pub fn from_stripes(
     let direct: Vec<bool> = (0..matcher.pixels()).into_par_iter().map(|pixel| matcher.alike(pixel, 1.0)).collect();
     let judges: Vec<usize> = (0..direct.len()).filter(|pixel| direct[*pixel]).collect();
     let judges: Vec<usize> = judges.iter().copied().step_by(judges.len().div_ceil(JUDGES).max(1)).collect();
-    let Some((width_px, scale)) = matcher.blur(&judges) else { return Err(unseen()) };
+    let Some((width_px, scales)) = matcher.blur(&judges) else { return Err(unseen()) };
     let bare = BareWhite::fit(&light, |pixel| direct[pixel]).ok_or_else(unseen)?;
-    let share = |pixel: usize| matcher.share(pixel, (width_px, scale), relative(&light, &bare, pixel));
+    let share = |pixel: usize| matcher.share(pixel, (width_px, &scales), relative(&light, &bare, pixel));
     let mut shares: Vec<f64> = (0..matcher.pixels()).into_par_iter().map(share).collect();
     let noise = noise(&judges, &shares);
     for share in &mut shares {
         *share = match *share {
             c if c < SURE * noise => 0.0,
             c if c > 1.0 - SURE * noise => 1.0,
-            c => c,
+            c => c.clamp(0.0, 1.0),
         };
     }
     let alpha = shares.into_iter().map(|c| (1.0 - c) as f32).collect();
@@ -160,36 +165,42 @@ impl Matcher<'_> {
         footprint.inside() && clear.len() >= FEWEST && scale >= LEAST_CONTRAST && clear.iter().all(alike)
     }
 
-    /// The width of the blur that explains all patterns best, and the contrast of the photographs that goes with it: stray
-    /// light takes some.
-    fn blur(&self, judges: &[usize]) -> Option<(f64, f64)> {
+    /// The width of the blur that explains all patterns best, and the contrast that the camera keeps of each: stray light and
+    /// the lens take some. None where that is too little.
+    fn blur(&self, judges: &[usize]) -> Option<(f64, Vec<Option<f64>>)> {
         let fit = |width: f64| {
-            let (mut bb, mut bq, mut qq) = (0.0, 0.0, 0.0);
+            let mut sums = vec![[0.0; 3]; self.seen.len()];
             for pixel in judges {
-                for (b, q, _) in self.pairs(*pixel, self.footprint(*pixel, width)) {
-                    (bb, bq, qq) = (bb + b * b, bq + b * q, qq + q * q);
+                let pairs = self.pairs(*pixel, self.footprint(*pixel, width));
+                for ([bb, bq, qq], (b, q, _)) in sums.iter_mut().zip(pairs) {
+                    (*bb, *bq, *qq) = (*bb + b * b, *bq + b * q, *qq + q * q);
                 }
             }
-            (qq - bq * bq / bb, bq / bb)
+            let left: f64 = sums.iter().map(|[bb, bq, qq]| qq - bq * bq / bb.max(1e-9)).sum();
+            (left, sums.iter().map(|[bb, bq, _]| bq / bb.max(1e-9)).collect::<Vec<f64>>())
         };
         let found = WIDTHS.map(|width| (width, fit(width)));
-        let best = found.iter().min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
-        (!judges.is_empty() && best.1.1.is_finite() && best.1.1 > 0.0).then_some((best.0, best.1.1))
+        let (width, (_, scales)) = found.iter().min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
+        let most = scales.iter().copied().fold(0.0, f64::max);
+        let scales = scales.iter().map(|scale| (*scale > RESOLVED * most).then_some(*scale)).collect();
+        (!judges.is_empty() && most > 0.0).then_some((*width, scales))
     }
 
-    /// c of a pixel.
-    fn share(&self, pixel: usize, (width, scale): (f64, f64), white: f64) -> f64 {
+    /// c of a pixel; noise may bring it below 0 or above 1.
+    fn share(&self, pixel: usize, (width, scales): (f64, &[Option<f64>]), white: f64) -> f64 {
         let footprint = self.footprint(pixel, width);
+        let mut found: Vec<f64> = Vec::with_capacity(self.seen.len());
         for clear in CLEAR {
-            let (mut count, mut least, mut most) = (0, f64::INFINITY, f64::NEG_INFINITY);
-            for (b, q, fine) in self.pairs(pixel, footprint) {
-                if fine && b.abs() >= clear {
-                    let x = white * q / (scale * b);
-                    (count, least, most) = (count + 1, least.min(x), most.max(x));
+            found.clear();
+            for ((b, q, fine), scale) in self.pairs(pixel, footprint).zip(scales) {
+                if let Some(scale) = scale.filter(|_| fine && b.abs() >= clear) {
+                    found.push(white * q / (scale * b));
                 }
             }
-            if count >= FEWEST {
-                return (0.5 * (least + most)).clamp(0.0, 1.0);
+            if found.len() >= FEWEST {
+                found.sort_unstable_by(f64::total_cmp);
+                let outside = found.len() / OUTLIERS;
+                return 0.5 * (found[outside] + found[found.len() - 1 - outside]);
             }
         }
         // Beside the screen.
