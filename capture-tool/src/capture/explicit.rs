@@ -49,6 +49,8 @@ pub struct Explicit {
     scale: Option<Scale>,
     /// The photograph of a positive part whose negative one is to come.
     half: Option<Image>,
+    /// What was said when the last function was weighed.
+    told: Option<String>,
     over: bool,
 }
 
@@ -102,6 +104,7 @@ impl Explicit {
             plain: Vec::new(),
             scale: None,
             half: None,
+            told: None,
             over: false,
         })
     }
@@ -167,7 +170,22 @@ impl Explicit {
             let [positive, negative, black] = [positive.data(), negative.data(), scale.black.data()];
             scale.bound.shown(location, |n| positive[n] + negative[n] - 2.0 * black[n], area);
         }
+        self.told = self.words();
         Ok(())
+    }
+
+    fn words(&self) -> Option<String> {
+        let scale = self.scale.as_ref()?;
+        let [counted, pixels] = scale.counted;
+        let (count, most) = (self.growth.members().len(), self.most.min(self.parts.len()));
+        let mut text = format!("function {count} of {most} by {counted} of {pixels} pixels");
+        if !matches!(self.set.kind(), Kind::Shifted(_)) {
+            text += &format!(": what is left of the bound (6.7) {:.1} %", 100.0 * scale.bound.share());
+        }
+        if let Some(leaf) = self.growth.largest_leaf() {
+            text += &format!(", heaviest place without finer ones {leaf:.3} of the white screen");
+        }
+        Some(text)
     }
 }
 
@@ -234,20 +252,9 @@ impl Sampler for Explicit {
     }
 
     fn said(&self) -> Option<String> {
-        let count = self.growth.members().len();
-        let scale = self.scale.as_ref().filter(|_| count > 0)?;
-        let most = self.most.min(self.parts.len());
-        let [counted, pixels] = scale.counted;
-        let mut text = format!("function {count} of {most} by {counted} of {pixels} pixels");
-        if !matches!(self.set.kind(), Kind::Shifted(_)) {
-            text += &format!(": what is left of the bound (6.7) {:.1} %", 100.0 * scale.bound.share());
-        }
-        if let Some(leaf) = self.growth.largest_leaf() {
-            text += &format!(", heaviest place without finer ones {leaf:.3} of the white screen");
-        } else if self.over && count < most {
-            text += ", all that is left is noise";
-        }
-        Some(text)
+        let ended = self.over && self.begun < self.most.min(self.parts.len()) && self.growth.largest_leaf().is_none();
+        let why = if ended { ", all that is left is noise" } else { "" };
+        self.told.as_ref().map(|told| format!("{told}{why}"))
     }
 }
 

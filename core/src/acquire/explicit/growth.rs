@@ -4,7 +4,7 @@
 //! orientations, and chosen by the sum of what they weigh (6.6.4), and the answers come in from outside, one by one.
 
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BinaryHeap, HashMap, HashSet, VecDeque};
+use std::collections::{BinaryHeap, HashMap, VecDeque};
 
 use super::Norm;
 use crate::wavelet::Tree;
@@ -177,8 +177,7 @@ impl Growth {
     fn leaf_above(&self, location: u32) -> Option<u32> {
         let parent = self.tree.parent(location)?;
         let first = self.tree.group(parent).next()?;
-        let leaves: HashSet<u32> = self.leaves.iter().map(|leaf| leaf.first.0).collect();
-        leaves.contains(&first).then_some(first)
+        self.leaves.iter().any(|leaf| leaf.first.0 == first).then_some(first)
     }
 }
 
