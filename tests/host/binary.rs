@@ -79,7 +79,8 @@ pub fn identifiers(shared: &Arc<Shared>, bundle: &Path) -> Result<Vec<String>, S
     // SAFETY: as in `open`.
     let library = unsafe { Library::new(&path) }.map_err(|error| format!("cannot load {}: {error}", path.display()))?;
     // SAFETY: the identifier of a plugin struct of the library is NUL-terminated; copied before the library goes.
-    let text = |plugin: *const OfxPlugin| unsafe { CStr::from_ptr((*plugin).pluginIdentifier) }.to_string_lossy().into();
+    let text =
+        |plugin: *const OfxPlugin| unsafe { CStr::from_ptr((*plugin).pluginIdentifier) }.to_string_lossy().into();
     Ok(plugins(&library)?.into_iter().map(text).collect())
 }
 

@@ -58,10 +58,8 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
     let journal = set.journal("whole");
     assert_eq!(journal.len(), steps);
     let log = fs::read_to_string(set.path("whole/capture.log")).unwrap();
-    let bounds: Vec<f64> = log
-        .lines()
-        .filter_map(|line| line.split_once("bound (6.7) ")?.1.split_once(" %")?.0.parse().ok())
-        .collect();
+    let bounds: Vec<f64> =
+        log.lines().filter_map(|line| line.split_once("bound (6.7) ")?.1.split_once(" %")?.0.parse().ok()).collect();
     assert!(bounds.len() == 40 && bounds.is_sorted_by(|a, b| a >= b) && bounds[39] < 90.0, "{bounds:?}");
     // Functions came by what they weigh, not in the order of the set.
     let numbers: Vec<u64> =
@@ -86,15 +84,13 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
     assert!(said.contains("function 52 of 52"), "{said}");
     assert_eq!(essence(&set.journal("parts"))[OPENING + 3..steps], essence(&journal)[OPENING + 3..]);
     // A threshold ends it; the rig file is the one it was begun with, whatever its count of functions.
-    let said = succeed(
-        tool("capture").arg(set.path("rig.toml")).arg("--session").arg(set.path("parts")).args([
-            "--resume",
-            "--functions",
-            "250",
-            "--threshold",
-            "0.5",
-        ]),
-    );
+    let said = succeed(tool("capture").arg(set.path("rig.toml")).arg("--session").arg(set.path("parts")).args([
+        "--resume",
+        "--functions",
+        "250",
+        "--threshold",
+        "0.5",
+    ]));
     assert!(said.contains("function 52 of 250"), "{said}");
     // Calibration alone begins no function.
     succeed(set.begin("c", explicit).args(["--only", "calibration"]));

@@ -117,7 +117,11 @@ impl Explicit {
         };
         let (blacks, whites) = (pictures(Role::Black)?, pictures(Role::AllLit)?);
         let ([black, black2], [white, white2]) = (&blacks[..], &whites[..]) else {
-            return Err(Error::invalid("the session", "no black and white photographs", "two of each, which come first"));
+            return Err(Error::invalid(
+                "the session",
+                "no black and white photographs",
+                "two of each, which come first",
+            ));
         };
         let noise = Noise::measured(&[(black, black2), (white, white2)])?;
         let (black, white) = (mean(black, black2), mean(white, white2));
@@ -252,7 +256,9 @@ impl Sampler for Explicit {
 pub fn location(set: &PatternSet, number: usize) -> Result<u32> {
     match set.element(number) {
         Element::Wavelet { location, .. } | Element::Shifted { location, .. } => Ok(location),
-        other => Err(Error::invalid("explicit sampling", format!("the pattern {other}"), "basis functions of a wavelet")),
+        other => {
+            Err(Error::invalid("explicit sampling", format!("the pattern {other}"), "basis functions of a wavelet"))
+        }
     }
 }
 

@@ -9,10 +9,10 @@ use relume_core::hdr::Noise;
 use relume_core::simulate::{Sensor, SensorResponse};
 
 use super::values;
+use crate::capture::explicit::Explicit;
 use crate::capture::patterns::{self, Samples, Sets};
 use crate::capture::plan::Plan;
 use crate::capture::run::{End, Limits, Outcome, run};
-use crate::capture::explicit::Explicit;
 use crate::capture::{Listed, Sampler, Step, Times, scan};
 use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{VirtualCamera, Window};

@@ -65,7 +65,9 @@ fn codes<'a>(records: &'a Records, sets: &Sets) -> Option<(Vec<Shown>, Vec<&'a P
         return None;
     }
     let plain = |role: Role, what: Shown| records.of(role).next().map(|photograph| (what, photograph));
-    for (what, photograph) in [plain(Role::Black, Shown::Black), plain(Role::AllLit, Shown::White)].into_iter().flatten() {
+    for (what, photograph) in
+        [plain(Role::Black, Shown::Black), plain(Role::AllLit, Shown::White)].into_iter().flatten()
+    {
         shown.push(what);
         photographs.push(photograph);
     }

@@ -20,8 +20,8 @@ pub mod virtual_stage;
 
 pub use condition::Condition;
 pub use file::{
-    CameraRig, GantryRig, Kind, MonitorRig, PartsChoice, ResponseChoice, RigFile, SceneChoice,
-    SensorResponseChoice, StageRig,
+    CameraRig, GantryRig, Kind, MonitorRig, PartsChoice, ResponseChoice, RigFile, SceneChoice, SensorResponseChoice,
+    StageRig,
 };
 pub use lamps::Lamps;
 

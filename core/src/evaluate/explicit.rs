@@ -84,8 +84,7 @@ impl Study<'_> {
                 let positive = camera.of(self.photograph(&up)?);
                 let single = down.iter().all(|v| *v == 0.0);
                 let negative = if single { black.clone() } else { camera.of(self.photograph(&down)?) };
-                let parts =
-                    if single { Parts::Positive(&positive) } else { Parts::Split(&positive, &negative) };
+                let parts = if single { Parts::Positive(&positive) } else { Parts::Split(&positive, &negative) };
                 let picture = parts.picture(scale, &black, &white)?;
                 growth.observe(location, &measure.norm(&parts, scale, &picture));
                 let area = up.iter().chain(&down).map(|v| f64::from(*v)).sum();
@@ -297,7 +296,8 @@ mod tests {
         let off = errors(&seen, &seen.pixels, &natural, Wavelet::Haar, &counts);
         assert!(off.windows(2).all(|pair| pair[1] < 0.97 * pair[0]), "{off:?}");
         let smooth = smooth_lights(TEXELS);
-        let [haar, cdf] = [Wavelet::Haar, Wavelet::Daubechies97].map(|w| errors(&seen, &seen.pixels, &smooth, w, &counts[..1])[0]);
+        let [haar, cdf] =
+            [Wavelet::Haar, Wavelet::Daubechies97].map(|w| errors(&seen, &seen.pixels, &smooth, w, &counts[..1])[0]);
         assert!(cdf < 0.8 * haar, "9/7 {cdf}, Haar {haar}");
         assert!(!seen.specular.is_empty());
     }

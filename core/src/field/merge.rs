@@ -6,11 +6,11 @@
 use std::ops::Range;
 use std::path::Path;
 
+use super::BLOCK_PIXELS;
 use super::asset::Asset;
 use super::manifest::{Kind, Manifest, Precision, Representation};
 use super::sparse::{Sparse, TermBuffer};
 use super::writer::{BlockTerms, Contents, HALF_CEILING, TermBands, TermBasis, write_terms};
-use super::BLOCK_PIXELS;
 use crate::error::{Error, Result};
 
 /// The name in the provenance under which a part tells its tiles: `[first, last, all]`, from 1; a tile is a row of blocks.
@@ -81,7 +81,8 @@ fn places(parts: &[Asset]) -> Result<Vec<usize>> {
         for tile in tiles {
             if let Some(other) = of_tile[tile].replace(n) {
                 let place = part.path().display().to_string();
-                let expected = format!("tiles that no other part has; {} has it as well", parts[other].path().display());
+                let expected =
+                    format!("tiles that no other part has; {} has it as well", parts[other].path().display());
                 return Err(Error::invalid(place, format!("tile {}", tile + 1), expected));
             }
         }

@@ -180,7 +180,9 @@ impl Arguments {
                     row.photographs.push(point.photographs);
                     row.bound.push(point.bound);
                 }
-                shown.pictures.push((format!("{}, {} functions", wavelet.id(), point.functions), masked(&point.relit[0])));
+                shown
+                    .pictures
+                    .push((format!("{}, {} functions", wavelet.id(), point.functions), masked(&point.relit[0])));
                 step()
             })?;
             rows.append(&mut own);
@@ -258,7 +260,8 @@ fn write(rows: &[Row], shown: &[Shown], table: &str, folder: &Path) -> anyhow::R
     let mut figures = Vec::new();
     for shown in shown {
         let figure = |(what, picture): &(String, Image)| {
-            let name = file_name(&format!("{}-{}-{what}.png", shown.scene, shown.light)).replace(", ", "-").replace(' ', "-");
+            let name =
+                file_name(&format!("{}-{}-{what}.png", shown.scene, shown.light)).replace(", ", "-").replace(' ', "-");
             Figure::new(name, picture, shown.gain).map(|figure| (figure, what.clone()))
         };
         let of_scene = shown.pictures.iter().map(figure).collect::<anyhow::Result<Vec<_>>>()?;

@@ -136,7 +136,8 @@ impl Arguments {
             return Err(Error::Unsupported {
                 place: self.session.display().to_string(),
                 what: format!("a field of {} patterns", capture.sampler),
-                advice: "this version solves stages and screens; --merged DIR writes the photographs as light".to_owned(),
+                advice: "this version solves stages and screens; --merged DIR writes the photographs as light"
+                    .to_owned(),
             }
             .into());
         };

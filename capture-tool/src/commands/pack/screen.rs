@@ -94,8 +94,12 @@ impl ScreenFlags {
 
     /// For patterns that are not solved.
     fn refuse_solving(&self, what: &str) -> anyhow::Result<()> {
-        let given =
-            [(self.terms.is_some(), "--terms"), (self.basis.is_some(), "--basis"), (self.stop.is_some(), "--stop"), (self.tiles.is_some(), "--tiles")];
+        let given = [
+            (self.terms.is_some(), "--terms"),
+            (self.basis.is_some(), "--basis"),
+            (self.stop.is_some(), "--stop"),
+            (self.tiles.is_some(), "--tiles"),
+        ];
         match given.iter().find(|(given, _)| *given) {
             Some((_, flag)) => anyhow::bail!("{flag} is for patterns of noise; this session has {what}"),
             None => Ok(()),
@@ -118,7 +122,9 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
     let samples = match capture.sampler.as_str() {
         "noise" => Samples::Noise,
         "scan" => Samples::Squares,
-        other => anyhow::bail!("{}: a session of --sampler {other}; noise and scan make fields", arguments.session.display()),
+        other => {
+            anyhow::bail!("{}: a session of --sampler {other}; noise and scan make fields", arguments.session.display())
+        }
     };
     let sets = sets(&capture.rig, samples, capture.seed)?;
     let photographs = Photographs::captured(records, developer)?;

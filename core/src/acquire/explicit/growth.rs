@@ -216,7 +216,9 @@ mod tests {
     /// Greedy trees of single magnitudes come to the same when every member of a place is given the place's sum.
     #[test]
     fn grows_as_a_greedy_tree_of_the_sums_over_places() {
-        for (size, wavelet) in [((32, 32), Wavelet::Haar), ((32, 16), Wavelet::LeGall53), ((16, 48), Wavelet::Daubechies97)] {
+        for (size, wavelet) in
+            [((32, 32), Wavelet::Haar), ((32, 16), Wavelet::LeGall53), ((16, 48), Wavelet::Daubechies97)]
+        {
             let (tree, answers) = answers(hill, size, wavelet);
             let weight = Weight { range: 3.0, smoothness: 1.5 };
             let sums: Vec<f32> = (0..tree.len() as u32)

@@ -32,7 +32,8 @@ impl Noise {
         let mut samples: Vec<(f32, f64)> = Vec::new();
         for (first, second) in pairs {
             if first.data().len() != second.data().len() || first.data().is_empty() {
-                let found = format!("{} x {} and {} x {}", first.width(), first.height(), second.width(), second.height());
+                let found =
+                    format!("{} x {} and {} x {}", first.width(), first.height(), second.width(), second.height());
                 return Err(Error::invalid("two photographs of the same", found, "two pictures of one size"));
             }
             let step = first.data().len().div_ceil(SAMPLES);

@@ -49,7 +49,11 @@ impl Parts<'_> {
             None => Ok([first, second]),
             Some(other) => {
                 let words = |image: &Image| format!("{} x {}", image.width(), image.height());
-                Err(Error::invalid("photographs of one session", words(other), format!("{} as the others", words(first))))
+                Err(Error::invalid(
+                    "photographs of one session",
+                    words(other),
+                    format!("{} as the others", words(first)),
+                ))
             }
         }
     }

@@ -121,7 +121,8 @@ fn check((columns, rows): (usize, usize), patterns: &[Pattern]) -> Result<()> {
             return Err(Error::invalid(place(), found, format!("{columns} x {rows} texels, as the others")));
         }
         if let Some(texel) = pattern.values.iter().position(|light| !light.is_finite()) {
-            let found = format!("light of {} at texel ({}, {})", pattern.values[texel], texel % columns, texel / columns);
+            let found =
+                format!("light of {} at texel ({}, {})", pattern.values[texel], texel % columns, texel / columns);
             return Err(Error::invalid(place(), found, "numbers that are finite"));
         }
         let (low, high) = pattern.values.iter().fold((f32::MAX, f32::MIN), |(a, b), v| (a.min(*v), b.max(*v)));

@@ -80,7 +80,8 @@ impl Solver {
         }
         if terms >= patterns {
             let found = format!("{terms} terms from {patterns} patterns");
-            let expected = format!("fewer terms than patterns (a quarter is well determined: {})", (patterns / 4).max(1));
+            let expected =
+                format!("fewer terms than patterns (a quarter is well determined: {})", (patterns / 4).max(1));
             return Err(Error::invalid("the terms of a pixel", found, expected));
         }
         let tried = ((terms as f64 * options.growth) as usize).clamp(terms, patterns - 1);
@@ -166,12 +167,8 @@ impl Solver {
         let mut left = whole;
         while left > enough && !s.groups.is_empty() {
             s.gains.resize(s.groups.len(), 0.0);
-            let work = Gains {
-                dictionary: &self.dictionary,
-                groups: &s.groups,
-                residual: &s.residual,
-                gains: &mut s.gains,
-            };
+            let work =
+                Gains { dictionary: &self.dictionary, groups: &s.groups, residual: &s.residual, gains: &mut s.gains };
             run(self.arch, work);
             let (best, gain) = largest(&s.gains);
             if !(gain > 0.0) || s.rows.len() + s.groups[best].count as usize > self.tried {
@@ -181,7 +178,13 @@ impl Solver {
             let at = s.chosen.len();
             let first = s.rows.len();
             self.append(s, group);
-            s.chosen.push(Chosen { parent: candidate.parent, first, count: s.rows.len() - first, children: 0, kept: true });
+            s.chosen.push(Chosen {
+                parent: candidate.parent,
+                first,
+                count: s.rows.len() - first,
+                children: 0,
+                kept: true,
+            });
             if let Some(parent) = candidate.parent {
                 s.chosen[parent].children += 1;
             }
@@ -276,7 +279,8 @@ impl Solver {
             let inverse = within(&s.inverse, side, leaf);
             let loss: f32 = (0..CHANNELS)
                 .map(|c| {
-                    let part = Vector3::from_fn(|m, _| if m < leaf.count { s.solution[leaf.first + m][c] } else { 0.0 });
+                    let part =
+                        Vector3::from_fn(|m, _| if m < leaf.count { s.solution[leaf.first + m][c] } else { 0.0 });
                     part.dot(&(inverse * part))
                 })
                 .sum();

@@ -82,7 +82,8 @@ fn wavelet_patterns_add_up_to_any_light() {
 fn shifted_patterns_are_the_split_ones_about_mid_grey() {
     for (columns, rows) in [(16, 16), (24, 16), (7, 5)] {
         for wavelet in WAVELETS {
-            let (split, shifted) = (set(Kind::Wavelet(wavelet), columns, rows), set(Kind::Shifted(wavelet), columns, rows));
+            let (split, shifted) =
+                (set(Kind::Wavelet(wavelet), columns, rows), set(Kind::Shifted(wavelet), columns, rows));
             assert_eq!(shifted.len(), columns * rows);
             let mut parts = 0..split.len();
             for n in 0..shifted.len() {
@@ -97,7 +98,9 @@ fn shifted_patterns_are_the_split_ones_about_mid_grey() {
                 };
                 let negative = parts.next().unwrap();
                 let down = split.pattern(negative).values;
-                assert!(matches!(split.element(negative), Element::Wavelet { location: l, negative: true, .. } if l == location));
+                assert!(
+                    matches!(split.element(negative), Element::Wavelet { location: l, negative: true, .. } if l == location)
+                );
                 let off = |k: usize| (2.0 * values[k] - 1.0 - (up[k] - down[k])).abs();
                 assert!((0..values.len()).all(|k| off(k) < 1e-6), "{wavelet:?} {n}");
             }

@@ -159,8 +159,9 @@ impl Grid {
             return Ok(pixels);
         }
         let (width, height) = self.size();
-        let columns: Vec<_> =
-            (0..width).map(|i| self.between(i, (self.cells.x1, self.pixels.x1), self.ratio.0, pixels.width())).collect();
+        let columns: Vec<_> = (0..width)
+            .map(|i| self.between(i, (self.cells.x1, self.pixels.x1), self.ratio.0, pixels.width()))
+            .collect();
         // Rows go down: the first is the top one.
         let tops = (-self.cells.y2, -self.pixels.y2);
         let mut data = vec![0.0f32; width * height * 3];

@@ -162,8 +162,7 @@ impl Library {
         // A change of what is not part of the weights must find them.
         let look = scene.look.of_weights();
         let fits = |o: &Origins| o.plate == plate && o.look == look && o.spot.is(scene) && o.around.is(scene.around);
-        let origins =
-            || Origins { spot: Spot::of(scene), look, around: Surroundings::of(scene.around), plate };
+        let origins = || Origins { spot: Spot::of(scene), look, around: Surroundings::of(scene.around), plate };
         self.weights.get(fits, origins, || {
             let (backdrop, pixels) = (self.backdrop(scene)?, read()?);
             Pool::shared()?.run(|| {

@@ -1,8 +1,8 @@
 //! What the artist set, at a time. A parameter that a host does not have counts as its default.
 
 use relume_core::relight::{Layer, Look};
-use relume_core::settings::lighting::{PRESETS, Preset};
 use relume_core::settings;
+use relume_core::settings::lighting::{PRESETS, Preset};
 
 use crate::effects::values::Values;
 use crate::host::Effect;

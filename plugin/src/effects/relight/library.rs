@@ -157,7 +157,8 @@ impl Library {
     pub fn weights(&self, field: &Arc<Relighter>, light: &Lit, look: &Look) -> Result<Arc<Weights>> {
         // A change of what is not part of the weights must find them.
         let look = look.of_weights();
-        let fits = |e: &Origins| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
+        let fits =
+            |e: &Origins| e.look == look && std::ptr::eq(e.field.as_ptr(), Arc::as_ptr(field)) && e.light.is(light);
         let origins = || Origins { field: Arc::downgrade(field), look, light: Origin::of(light) };
         self.weights.get(fits, origins, || Ok(Pool::shared()?.run(|| field.weights(light.light(), &look))?))
     }
