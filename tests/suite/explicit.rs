@@ -4,6 +4,10 @@ use std::fs;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use relume_core::evaluate::explicit::{relative_error, smooth_lights};
+use relume_core::field::{Access, Asset};
+use relume_core::image::{Encoding, Image, read, write};
+use relume_core::simulate::{Camera, Monitor, Quality};
 use serde_json::Value;
 
 use super::capture::{Capture, refuse, tool};
@@ -52,7 +56,8 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
     assert!(plan.contains("79  samples"), "{plan}");
     let said = succeed(&mut set.begin("whole", explicit));
     let steps = OPENING + 79;
-    for words in [&format!("{steps} of {steps} photographs"), "function 40 of 40", "the bound (6.7)", "relume pack"] {
+    for words in [&format!("{steps} of {steps} photographs"), "function 40 of 40 by ", "the bound (6.7)", "relume pack"]
+    {
         assert!(said.contains(words), "`{words}` not in: {said}");
     }
     let journal = set.journal("whole");
@@ -61,6 +66,9 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
     let bounds: Vec<f64> =
         log.lines().filter_map(|line| line.split_once("bound (6.7) ")?.1.split_once(" %")?.0.parse().ok()).collect();
     assert!(bounds.len() == 40 && bounds.is_sorted_by(|a, b| a >= b) && bounds[39] < 90.0, "{bounds:?}");
+    // What sees the screen itself does not count.
+    let counted = said.split_once("by ").unwrap().1.split_once(" of 1200").unwrap().0.parse::<usize>().unwrap();
+    assert!((300..900).contains(&counted), "{counted} pixels count");
     // Functions came by what they weigh, not in the order of the set.
     let numbers: Vec<u64> =
         journal[OPENING..].iter().map(|p| p["condition"]["pattern"]["number"].as_u64().unwrap()).collect();
@@ -91,7 +99,8 @@ fn functions_are_chosen_by_what_is_seen_and_a_resumed_capture_chooses_the_same()
         "--threshold",
         "0.5",
     ]));
-    assert!(said.contains("function 52 of 250"), "{said}");
+    let shown: usize = said.split_once("function ").unwrap().1.split_once(" of 250").unwrap().0.parse().unwrap();
+    assert!((52..250).contains(&shown), "{said}");
     // Calibration alone begins no function.
     succeed(set.begin("c", explicit).args(["--only", "calibration"]));
     assert_eq!(set.journal("c").len(), 17);
@@ -102,7 +111,7 @@ fn shifted_functions_take_one_photograph_each() {
     let set = Capture::with(&RIG.replace("functions = 40", "functions = 25\nparts = \"shifted\"\nwavelet = \"5/3\""));
     let said = succeed(&mut set.begin("s", &["--sampler", "explicit"]));
     let steps = OPENING + 25;
-    assert!(said.contains(&format!("{steps} of {steps}")) && said.contains("function 25 of 25"), "{said}");
+    assert!(said.contains(&format!("{steps} of {steps}")) && said.contains("function 25 of 25 by"), "{said}");
 }
 
 #[test]
@@ -111,8 +120,8 @@ fn the_bare_screen_is_a_session_of_its_own() {
     let said = succeed(&mut set.begin("bare", &["--bare"]));
     let steps = 1 + 16 + 2;
     assert!(said.contains(&format!("{steps} of {steps} photographs of the bare screen")), "{said}");
-    let picture = relume_core::image::Image::from_fn(8, 8, |x, _| [x as f32 / 8.0, 0.2, 0.1]);
-    relume_core::image::write(&set.path("p.png"), &picture, Default::default()).unwrap();
+    let picture = Image::from_fn(8, 8, |x, _| [x as f32 / 8.0, 0.2, 0.1]);
+    write(&set.path("p.png"), &picture, Default::default()).unwrap();
     let shown = set.path("p.png").display().to_string();
     succeed(&mut set.resume("bare", &["--reference", &shown]));
     let journal = set.journal("bare");
@@ -124,10 +133,10 @@ fn the_bare_screen_is_a_session_of_its_own() {
         succeed(tool("pack").arg(set.path(session)).arg("--merged").arg(&merged));
         let white = fs::read_dir(&merged).unwrap().map(|e| e.unwrap().path());
         let white = white.filter(|p| p.to_string_lossy().contains("white")).min().unwrap();
-        relume_core::image::read(&white, relume_core::image::Encoding::Linear).unwrap()
+        read(&white, Encoding::Linear).unwrap()
     };
     let (bare, object) = (light("bare"), light("object"));
-    let middle = |image: &relume_core::image::Image| image.pixel(20, 15)[1];
+    let middle = |image: &Image| image.pixel(20, 15)[1];
     assert!(middle(&bare) > 1.05 * middle(&object), "{} and {}", middle(&bare), middle(&object));
     refuse(&mut set.resume("bare", &["--sampler", "noise"]), &["begun with --bare"]);
     refuse(&mut set.resume("object", &["--bare"]), &["begun with --sampler explicit"]);
@@ -171,4 +180,82 @@ fn what_makes_no_sense_is_refused() {
     fs::write(set.path("rig.toml"), super::capture::RIG).unwrap();
     refuse(&mut set.begin("s", &["--bare"]), &["--bare", "screen"]);
     refuse(&mut set.begin("s", &["--sampler", "explicit"]), &["a stage is scanned"]);
+}
+
+/// What `relume calibrate gamma` writes is taken out before patterns are shown, and the session keeps it.
+#[test]
+fn a_measured_curve_is_inverted() {
+    let rig = RIG.replace("functions = 40", "functions = 3\nwavelet = \"5/3\"\ncurve = { file = \"screen.txt\" }");
+    let set = Capture::with(&rig);
+    refuse(&mut set.begin("s", &["--sampler", "explicit"]), &["screen.txt"]);
+    let table = |gamma: f64| -> String {
+        (0..256).map(|code| format!("{code} {}\n", (f64::from(code) / 255.0).powf(gamma))).collect()
+    };
+    let mean = |gamma: f64, name: &str| {
+        fs::write(set.path("screen.txt"), table(gamma)).unwrap();
+        succeed(&mut set.begin(name, &["--sampler", "explicit"]));
+        let merged = set.path(&format!("{name}-light"));
+        succeed(tool("pack").arg(set.path(name)).arg("--merged").arg(&merged));
+        let last = fs::read_dir(&merged).unwrap().map(|e| e.unwrap().path()).max().unwrap();
+        let image = read(&last, Encoding::Linear).unwrap();
+        image.data().iter().map(|v| f64::from(*v)).sum::<f64>()
+    };
+    let (right, wrong) = (mean(2.2, "right"), mean(1.0, "wrong"));
+    // Taken for linear, the mid tones of a function are shown too dark.
+    assert!(wrong < 0.85 * right, "{wrong} and {right}");
+    assert!(fs::read_to_string(set.path("right/session.toml")).unwrap().contains("measured"));
+    fs::remove_file(set.path("screen.txt")).unwrap();
+    succeed(&mut set.resume("right", &["--functions", "4"]));
+}
+
+/// From patterns to a relit picture: a session of functions, packed and lit by a picture on the screen, shows what the traced scene
+/// shows (figure 6.14); split in two parts, or shifted, through the screen's measured curve.
+#[test]
+fn a_field_of_functions_shows_what_the_scene_shows() {
+    const SIZE: (usize, usize) = (80, 60);
+    const TEXELS: (usize, usize) = (32, 32);
+    let rig = |more: &str| {
+        RIG.replace("columns = 16\nrows = 16\nfunctions = 40", &format!("columns = 32\nrows = 32\n{more}"))
+            .replace("[\"gray-code\"]", "[\"gray-code\", \"stripes\"]")
+            .replace(
+                "width = 40\nheight = 30\nsamples = 4",
+                "width = 80\nheight = 60\nsamples = 16\nscene = \"diffuse\"",
+            )
+            .replace("times_s = [0.05, 0.8]", "times_s = [0.05, 0.4, 3.2]")
+    };
+    let quality = Quality { samples: 16, seed: 1, ..Quality::rig() };
+    let rows = Monitor::cubes(Camera::monitor(SIZE.0, SIZE.1), TEXELS).trace(&quality, &mut |_, _| Ok(())).unwrap();
+    let light = &smooth_lights(TEXELS)[0];
+    let truth = rows.photograph(light).unwrap();
+    for (more, functions, most) in [
+        ("functions = 100", 100, 0.03),
+        ("functions = 60\nwavelet = \"9/7\"\nparts = \"shifted\"\ncurve = { file = \"screen.txt\" }", 60, 0.05),
+    ] {
+        let set = Capture::with(&rig(more));
+        let table: String = (0..256).map(|c| format!("{c} {}\n", (f64::from(c) / 255.0).powf(2.2))).collect();
+        fs::write(set.path("screen.txt"), table).unwrap();
+        succeed(&mut set.begin("s", &["--sampler", "explicit"]));
+        let (field, lit) = (set.path("a.rfield"), set.path("lit.exr"));
+        let said = succeed(tool("pack").arg(set.path("s")).arg("-o").arg(&field));
+        assert!(said.contains(&format!("{functions} functions")), "{said}");
+        write(
+            &set.path("plane.exr"),
+            &Image::from_fn(TEXELS.0, TEXELS.1, |x, y| light[y * TEXELS.0 + x]),
+            Default::default(),
+        )
+        .unwrap();
+        succeed(tool("relight").arg(&field).arg("--plane").arg(set.path("plane.exr")).arg("-o").arg(&lit));
+        let asset = Asset::open(&field, Access::Read).unwrap();
+        let alpha = asset.alpha().expect("stripes give alpha");
+        let covered: Vec<usize> = (0..alpha.len()).filter(|pixel| alpha[*pixel] > 0.999).collect();
+        assert!(covered.len() > 500, "{} pixels are the object's", covered.len());
+        let lit = read(&lit, Encoding::Linear).unwrap().into_rgb();
+        let error = relative_error(&lit, &truth, &covered);
+        assert!(error < most, "{more}: {error}");
+        // What cannot be meant is told.
+        refuse(tool("pack").arg(set.path("s")).arg("-o").arg(&field).args(["--terms", "9"]), &["--terms", "noise"]);
+    }
+    let set = Capture::with(RIG);
+    succeed(&mut set.begin("bare", &["--bare"]));
+    refuse(tool("pack").arg(set.path("bare")).arg("-o").arg(set.path("a.rfield")), &["the bare screen", "--bare"]);
 }

@@ -29,7 +29,6 @@ pub struct Explicit {
     rig: RigFile,
     /// Steps before the first function.
     opening: Vec<Step>,
-    sets: Sets,
     set: PatternSet,
     /// Numbers of the patterns of each function.
     parts: HashMap<u32, Vec<usize>>,
@@ -62,6 +61,8 @@ struct Scale {
     white: Image,
     measure: Measure,
     bound: Bound,
+    /// Pixels that count, of all.
+    counted: [usize; 2],
 }
 
 impl Explicit {
@@ -90,7 +91,6 @@ impl Explicit {
             rig: rig.clone(),
             opening,
             growth: Growth::new(transform(monitor, set)?.tree(), weight, monitor.threshold),
-            sets: sets.clone(),
             set: set.clone(),
             parts,
             most: monitor.functions,
@@ -127,11 +127,12 @@ impl Explicit {
         let (black, white) = (mean(black, black2), mean(white, white2));
         let mut lit = white.clone();
         lit.data_mut().iter_mut().zip(black.data()).for_each(|(v, s)| *v -= s);
-        let covered = covered(&records, &developer, &self.sets, lit.size())?;
+        let covered = covered(&self.rig, &records, &developer, lit.size())?;
         let tree = Transform::tree(&transform(self.monitor()?, &self.set)?);
         let bound = Bound::new(tree, self.weight, &lit, covered.clone())?;
+        let counted = [covered.iter().filter(|covered| **covered).count(), covered.len()];
         let measure = Measure::new(covered, noise);
-        self.scale = Some(Scale { records, developer, black, white, measure, bound });
+        self.scale = Some(Scale { records, developer, black, white, measure, bound, counted });
         Ok(())
     }
 
@@ -236,7 +237,8 @@ impl Sampler for Explicit {
         let count = self.growth.members().len();
         let scale = self.scale.as_ref().filter(|_| count > 0)?;
         let most = self.most.min(self.parts.len());
-        let mut text = format!("function {count} of {most}");
+        let [counted, pixels] = scale.counted;
+        let mut text = format!("function {count} of {most} by {counted} of {pixels} pixels");
         if !matches!(self.set.kind(), Kind::Shifted(_)) {
             text += &format!(": what is left of the bound (6.7) {:.1} %", 100.0 * scale.bound.share());
         }

@@ -45,6 +45,10 @@ pub(super) const MAP_FLAGS: [&str; 7] = ["rotate", "pitch", "roll", "map_centre"
 /// Those of [`MAP_FLAGS`] that mean nothing to lamps, which turn but are no map.
 pub(super) const TEXEL_FLAGS: [&str; 4] = ["map_centre", "map_space", "blur", "clamp"];
 
+/// What means nothing to a picture on a screen.
+pub(super) const LAT_LONG_FLAGS: [&str; 9] =
+    ["exclude", "reconstruct", "rotate", "pitch", "roll", "map_centre", "blur", "clamp", "outside"];
+
 /// All flags that shape light, for a picture that is lit by none.
 pub(super) const LIGHT_FLAGS: [&str; 14] = [
     "exclude",

@@ -16,6 +16,8 @@ mod layer;
 mod light_flags;
 mod lightings;
 mod map;
+mod matte;
+mod merge;
 mod pack;
 mod patterns;
 mod probe;
@@ -37,6 +39,8 @@ pub enum Command {
     Capture(capture::Arguments),
     /// Make a field of a session: merge, calibrate, correct, check.
     Pack(pack::Arguments),
+    /// Join parts of a field that were solved apart (`pack --tiles`).
+    Merge(merge::Arguments),
     /// Turn photographs taken elsewhere into a field.
     #[command(subcommand)]
     Import(import::Source),
@@ -49,6 +53,8 @@ pub enum Command {
     Probe(probe::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
+    /// Put an object that was photographed before a screen before another picture.
+    Matte(matte::Arguments),
     /// Light a captured object with lights that turn, fade and change: a picture a frame.
     Animate(animate::Arguments),
     /// List the lightings that ship, or print one to start from.
@@ -87,6 +93,8 @@ impl Command {
             Command::Demo(arguments) => arguments.run(),
             Command::Capture(arguments) => arguments.run(),
             Command::Pack(arguments) => arguments.run(),
+            Command::Merge(arguments) => arguments.run(),
+            Command::Matte(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Export(target) => target.run(),
             Command::Hdr(arguments) => arguments.run(),

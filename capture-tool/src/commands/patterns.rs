@@ -63,7 +63,7 @@ pub struct Arguments {
     #[arg(long, value_enum, default_value_t = BitsChoice::Eight)]
     bits: BitsChoice,
     /// For wavelet and noise: haar, 5/3 or 9/7 [default: haar].
-    #[arg(long, value_name = "WAVELET", value_parser = wavelet)]
+    #[arg(long, value_name = "WAVELET", value_parser = values::wavelet)]
     wavelet: Option<Wavelet>,
     /// For noise: how many patterns [default: 256]. For wavelet: only the first of them [default: all].
     #[arg(long, value_name = "N", value_parser = values::at_least_one)]
@@ -112,10 +112,6 @@ const SIDE: usize = 16;
 const INFLUENCE: usize = 3;
 /// The longest side of a picture.
 const LONGEST_SIDE: usize = 1 << 14;
-
-fn wavelet(text: &str) -> Result<Wavelet, String> {
-    text.parse().map_err(|_| "no known wavelet; it must be haar, 5/3 or 9/7".to_owned())
-}
 
 /// Checked flags.
 #[derive(Debug)]

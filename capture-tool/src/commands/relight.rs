@@ -7,12 +7,13 @@ use clap::{Args, ValueEnum};
 use relume_core::field::{Access, Asset};
 use relume_core::illumination::{Beam, EnvMap};
 use relume_core::image::{self, ColourSpace, Conversion, EncodeOptions, Image, Window};
+use relume_core::matte::{Backdrop, Beyond, Place};
 use relume_core::reconstruct::Outside;
-use relume_core::relight::{Light, Look, Relighter, Weights};
+use relume_core::relight::{Light, Look, Relighter, ScreenRelighter, Weights};
 use relume_core::settings;
 
 use super::layer::LayerChoice;
-use super::light_flags::{GainFlags, LIGHT_FLAGS, MAP_FLAGS, MapFlags, TEXEL_FLAGS};
+use super::light_flags::{GainFlags, LAT_LONG_FLAGS, LIGHT_FLAGS, MAP_FLAGS, MapFlags, TEXEL_FLAGS};
 use super::{note, values};
 use crate::progress::{self, Progress, Unit};
 
@@ -24,6 +25,7 @@ Examples:
   relume relight vase.rfield --env park.exr --pitch 20 --blur 10 --clamp 50 --tint 1,0.9,0.8 -o soft.exr
   relume relight vase.rfield --env aces.exr --map-space aces2065_1 --output-space acescg -o vase.exr
   relume relight vase.rfield --lamp 17 -o lamp17.exr
+  relume relight glass.rfield --plane street.exr -o glass.exr
   relume relight vase.rfield --layer normals -o normals.exr";
 
 /// About how much of the field is streamed between two looks at Ctrl-C.
@@ -83,6 +85,10 @@ struct LightArguments {
     /// Lights one captured lamp, counted from 1, as it was photographed.
     #[arg(long, value_name = "N", conflicts_with_all = MAP_FLAGS)]
     lamp: Option<usize>,
+    /// The light of a screen's field: a picture that fills the screen, row 0 at its top, averaged over each texel; 1 is the
+    /// white screen. (`relume matte` puts the object before a plate, and the plate where the screen was.)
+    #[arg(long, value_name = "IMG", conflicts_with_all = LAT_LONG_FLAGS)]
+    plane: Option<PathBuf>,
     /// In place of a light: a layer of the asset as it is. Normals are in the stage frame (+x right, +y up, +z to the camera);
     /// .png and .jpg, which hold nothing below zero, get (n + 1) / 2.
     #[arg(long, value_enum, value_name = "LAYER", conflicts_with_all = LIGHT_FLAGS)]
@@ -111,6 +117,8 @@ enum LightPlan {
     /// What messages call it, and its beams.
     Lighting(String, Vec<Beam>),
     Lamp(usize),
+    /// A picture on the screen.
+    Plane(PathBuf),
     Layer(LayerChoice),
 }
 
@@ -134,15 +142,16 @@ impl Arguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.output)?;
-        let light = match (self.light.env, self.light.lighting, self.light.lamp, self.light.layer) {
-            (Some(map), None, None, None) => LightPlan::Map(map),
-            (None, Some(name), None, None) => {
+        let light = match (self.light.env, self.light.lighting, self.light.lamp, self.light.plane, self.light.layer) {
+            (Some(map), None, None, None, None) => LightPlan::Map(map),
+            (None, Some(name), None, None, None) => {
                 let file = settings::lighting::find(&name, Path::new(""))?;
                 LightPlan::Lighting(name, file.lighting.beams())
             }
-            (None, None, Some(number), None) => LightPlan::Lamp(number),
-            (None, None, None, Some(layer)) => LightPlan::Layer(layer),
-            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME or --lamp N, or a --layer"),
+            (None, None, Some(number), None, None) => LightPlan::Lamp(number),
+            (None, None, None, Some(picture), None) => LightPlan::Plane(picture),
+            (None, None, None, None, Some(layer)) => LightPlan::Layer(layer),
+            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME, --lamp N or --plane IMG, or a --layer"),
         };
         let mut look = Look {
             representation: settings::representation(self.representation),
@@ -170,17 +179,37 @@ impl Plan {
         if let LightPlan::Layer(layer) = self.light {
             return layer.write(&asset, &self.output);
         }
+        if self.look.ambient != 0.0 && asset.ambient().is_none() {
+            note(&format!("{} has no ambient picture: --ambient adds nothing", self.asset.display()));
+        }
+        if let LightPlan::Plane(picture) = &self.light {
+            return self.before_screen(asset, picture);
+        }
         let relighter = match &self.exclude[..] {
             [] => Relighter::new(asset)?,
             excluded => Relighter::without(asset, excluded)?,
         };
-        if self.look.ambient != 0.0 && relighter.asset().ambient().is_none() {
-            note(&format!("{} has no ambient picture: --ambient adds nothing", self.asset.display()));
-        }
         let weights = self.weights(&relighter)?;
         progress::check()?;
-        let mut picture = render(&relighter, &weights, &self.look)?;
-        if relighter.asset().alpha().is_none() {
+        let picture = render(relighter.asset(), |window| relighter.render(&weights, &self.look, window))?;
+        self.written(picture, relighter.asset())
+    }
+
+    /// A field of a screen that shows a picture.
+    fn before_screen(&self, asset: Asset, picture: &Path) -> anyhow::Result<String> {
+        let relighter = ScreenRelighter::new(asset)?;
+        let shown = image::read(picture, image::Encoding::Auto)?.into_rgb();
+        let size = shown.size();
+        let light =
+            Backdrop::new((relighter.plane(), None), size, &Place::default(), size)?.light(&shown, Beyond::Stretch);
+        let weights = relighter.weights(&light, &self.look)?;
+        progress::check()?;
+        let picture = render(relighter.asset(), |window| relighter.render(&weights, &self.look, window))?;
+        self.written(picture, relighter.asset())
+    }
+
+    fn written(&self, mut picture: Image, asset: &Asset) -> anyhow::Result<String> {
+        if asset.alpha().is_none() {
             picture = picture.into_rgb();
         }
         progress::check()?;
@@ -201,7 +230,7 @@ impl Plan {
                 }
                 Ok(weights)
             }
-            LightPlan::Layer(_) => anyhow::bail!("a layer has no light"),
+            LightPlan::Layer(_) | LightPlan::Plane(_) => anyhow::bail!("no light of lamps"),
             LightPlan::Map(path) => {
                 let map = EnvMap::load(path).context("cannot use the environment map")?;
                 let weights = relighter.weights(Light::Map(&map), &self.look)?;
@@ -245,15 +274,14 @@ fn dropped_share(light: [f64; 3], weights: &Weights) -> f64 {
 }
 
 /// The whole picture, RGBA, some rows of blocks at a time.
-fn render(relighter: &Relighter, weights: &Weights, look: &Look) -> relume_core::Result<Image> {
-    let asset = relighter.asset();
+fn render(asset: &Asset, window: impl Fn(Window) -> relume_core::Result<Image>) -> relume_core::Result<Image> {
     let (width, height) = (asset.width(), asset.height());
     let rows = band_rows(asset);
     let mut progress = Progress::new("relighting", Unit::Steps);
     let mut data = Vec::with_capacity(width * height * 4);
     for y0 in (0..height).step_by(rows) {
         let y1 = (y0 + rows).min(height);
-        let band = relighter.render(weights, look, Window { x0: 0, y0, x1: width, y1 })?;
+        let band = window(Window { x0: 0, y0, x1: width, y1 })?;
         data.extend_from_slice(band.data());
         progress.step(y1 as u64, height as u64)?;
     }
@@ -347,6 +375,9 @@ mod tests {
             "relight a.rfield --lamp 1 --blur 3 -o out.exr",
             "relight a.rfield --lamp 1 --pitch 3 -o out.exr",
             "relight a.rfield --lamp 1 --map-space acescg -o out.exr",
+            "relight a.rfield --plane a.exr --rotate 3 -o out.exr",
+            "relight a.rfield --plane a.exr --reconstruct linear -o out.exr",
+            "relight a.rfield --plane a.exr --env b.exr -o out.exr",
         ] {
             assert!(parse(line).is_err(), "{line}");
         }

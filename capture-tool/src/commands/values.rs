@@ -8,6 +8,7 @@ use relume_core::evaluate::{FEWEST_KEPT, Keep};
 use relume_core::illumination::probe::Circle;
 use relume_core::image::ColourSpace;
 use relume_core::settings::{Kind, Setting};
+use relume_core::wavelet::Wavelet;
 
 /// A parser for a number of the table.
 pub fn number(setting: &'static Setting) -> impl Fn(&str) -> Result<f64, String> + Clone {
@@ -130,6 +131,20 @@ pub fn duration(text: &str) -> Result<std::time::Duration, String> {
 /// The most numbers that a list of ranges may name.
 const MOST_NUMBERS: u64 = 1_000_000;
 
+/// Codes of an 8-bit emitter.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Codes(pub Vec<u8>);
+
+/// Codes of 0 to 255 with commas between, none twice.
+pub fn codes(text: &str) -> Result<Codes, String> {
+    let code = |part: &str| part.trim().parse().map_err(|_| format!("`{}` is no code from 0 to 255", part.trim()));
+    let codes: Vec<u8> = text.split(',').map(code).collect::<Result<_, _>>()?;
+    match (1..codes.len()).find(|n| codes[..*n].contains(&codes[*n])) {
+        Some(again) => Err(format!("code {} comes twice", codes[again])),
+        None => Ok(Codes(codes)),
+    }
+}
+
 /// A list of numbers.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Numbers(pub Vec<u64>);
@@ -176,6 +191,12 @@ pub fn keep(text: &str) -> Result<Keep, String> {
         Err(_) if text.contains('.') || text.contains(',') => part(finite(text)?),
         Err(_) => Err(WANTED.to_owned()),
     }
+}
+
+/// A wavelet that can be mirrored at the edges of a screen.
+pub fn wavelet(text: &str) -> Result<Wavelet, String> {
+    let known = text.parse().ok().filter(|wavelet: &Wavelet| wavelet.is_symmetric());
+    known.ok_or_else(|| format!("`{text}` is no wavelet for a screen; it must be haar, 5/3 or 9/7"))
 }
 
 /// A number of things, at least one.

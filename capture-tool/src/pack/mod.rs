@@ -13,19 +13,21 @@
 //! | [`records`] | which photograph counts for what; files checked against their hashes |
 //! | [`develop`] | black level, response, brackets to light |
 //! | [`covered`] | which pixels see the object, and not the screen itself |
-//! | [`explicit`] | pictures under the basis functions of a screen |
 //! | [`lamps`] | irradiances from the white ball |
 //! | [`checks`] | movement, drift, linearity |
+//! | [`shots`] | photographs of a screen's calibration patterns |
+//! | [`places`] | which place of a screen each pixel sees, and what covers it |
 //! | [`stage`] | `T` of a stage |
 //! | [`screen`] | `T` of a screen |
 
 pub mod checks;
 pub mod covered;
 pub mod develop;
-pub mod explicit;
 pub mod lamps;
+pub mod places;
 pub mod records;
 pub mod screen;
+pub mod shots;
 pub mod stage;
 #[cfg(test)]
 mod tests;

@@ -6,6 +6,7 @@
 //! | `measured` | irradiances of lamps one by one, and flat fields of near lamps |
 //! | `import_lp` | a folder of one-light-at-a-time photographs with its `.lp` file -> a container |
 //! | `import_exr` | the parts or layers of an OpenEXR file -> a container |
+//! | `refraction` | codes seen through clear glass -> a place of the screen a pixel |
 //! | [`explicit`] | explicit sampling on a screen: which function next, and what it is worth (6.6) |
 //! | `surface` | normals and albedo from the reflectance functions |
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
@@ -16,6 +17,7 @@ mod import_exr;
 mod import_lp;
 mod measured;
 mod photographs;
+mod refraction;
 mod stereo;
 mod surface;
 
@@ -23,4 +25,5 @@ pub use import_exr::{CheckedExr, ImportExr};
 pub use import_lp::{Checked, ImportLp, Imported, coverage};
 pub use measured::{FlatField, Measured};
 pub use photographs::{Photographs, Reporting};
+pub use refraction::Refraction;
 pub use surface::{Surface, surface};

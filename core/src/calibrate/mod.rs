@@ -25,12 +25,14 @@
 //! | [`failed`] | lamps that were dark or hidden, found from the set's own smoothness |
 //! | [`Correction`], [`patch`], [`white`](fn@white) | white balance from a patch of known reflectance |
 //! | [`chart`] | a colour matrix from a chart of 24 patches |
+//! | [`emitter`] | what light the codes of a screen become |
 //! | [`screen`] | which place of a screen each pixel sees |
 
 pub mod ball;
 pub mod black;
 pub mod chart;
 pub mod drift;
+pub mod emitter;
 pub mod failed;
 pub mod highlight;
 pub mod lamp_table;

@@ -208,6 +208,19 @@ impl Correspondence {
         None
     }
 
+    /// The same for a picture that begins at a pixel of this one: a crop.
+    pub fn of_crop(&self, [left, top]: [f64; 2]) -> Self {
+        let mut numbers = self.numbers.clone();
+        for row in &mut numbers.homography {
+            row[2] += row[0] * left + row[1] * top;
+        }
+        for corner in [&mut numbers.area.from, &mut numbers.area.to] {
+            *corner = [corner[0] - left, corner[1] - top];
+        }
+        let back = Matrix3::new(1.0, 0.0, -left, 0.0, 1.0, -top, 0.0, 0.0, 1.0) * self.back;
+        Self { numbers, back }
+    }
+
     /// Does the camera see the screen in a mirror?
     pub fn is_mirrored(&self) -> bool {
         let Area { from, to } = self.numbers.area;
@@ -272,6 +285,17 @@ mod tests {
             assert!((a[0] - b[0]).abs() < 1e-12 && (a[1] - b[1]).abs() < 1e-12, "{a:?} {b:?}");
         }
         assert!(!screen.is_mirrored());
+    }
+
+    #[test]
+    fn crops_see_the_same() {
+        let (screen, crop) = (oblique(), oblique().of_crop([100.0, 50.0]));
+        for [x, y] in [[130.0, 70.0], [500.0, 460.0], [700.0, 20.0]] {
+            let (a, b) = (screen.screen_of([x, y]), crop.screen_of([x - 100.0, y - 50.0]));
+            assert!((a[0] - b[0]).abs() < 1e-12 && (a[1] - b[1]).abs() < 1e-12);
+            let back = crop.pixel_of(b).unwrap();
+            assert!((back[0] - x + 100.0).abs() < 1e-6 && (back[1] - y + 50.0).abs() < 1e-6);
+        }
     }
 
     #[test]

@@ -228,7 +228,11 @@ pub fn natural_lights((columns, rows): (usize, usize), count: usize, seed: u64) 
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::acquire::implicit::{Dictionary, Options, Solver, Terms};
+    use crate::domain::patterns::{self, Kind, Pattern, PatternSet};
     use crate::simulate::{Camera, Class, Monitor, Quality, classes};
 
     const SIZE: (usize, usize) = (40, 30);
@@ -300,6 +304,61 @@ mod tests {
             [Wavelet::Haar, Wavelet::Daubechies97].map(|w| errors(&seen, &seen.pixels, &smooth, w, &counts[..1])[0]);
         assert!(cdf < 0.8 * haar, "9/7 {cdf}, Haar {haar}");
         assert!(!seen.specular.is_empty());
+    }
+
+    /// 6.6.6, 6.7.1: a small function lights few pixels of a specular body, while every pixel learns from each pattern of noise.
+    #[test]
+    fn noise_beats_chosen_functions_on_specular_bodies_at_as_many_photographs() {
+        const PHOTOGRAPHS: usize = 256;
+        let seen = seen(&Monitor::demo(Camera::monitor(SIZE.0, SIZE.1), TEXELS));
+        let lights = natural_lights(TEXELS, 2, 7);
+        // One photograph of the scaling function, two of each other.
+        let explicit = errors(&seen, &seen.specular, &lights, Wavelet::Haar, &[PHOTOGRAPHS / 2])[0];
+
+        let plane = Plane::new(TEXELS.0, TEXELS.1).unwrap();
+        let transform = plane.transform(Wavelet::Haar).unwrap();
+        let noise = patterns::Noise {
+            wavelet: Wavelet::Haar,
+            count: PHOTOGRAPHS,
+            seed: 5,
+            deviation: patterns::Noise::DEVIATION,
+        };
+        let set = PatternSet::new(Kind::Noise(noise), plane).unwrap();
+        let shown: Vec<Pattern> = (0..PHOTOGRAPHS).map(|n| set.pattern(n)).collect();
+        let mut camera = super::Camera { rng: Pcg32::seed_from_u64(9), noise: 2e-3, read: 0.0 };
+        let mut answer = |pattern: &Pattern| {
+            let light: Light = pattern.values.iter().map(|v| [*v; 3]).collect();
+            camera.of(seen.rows.photograph(&light).unwrap())
+        };
+        let photographs: Vec<Image> = shown.iter().map(&mut answer).collect();
+        let solver = Solver::new(Arc::new(Dictionary::new(&transform, &shown).unwrap()), Options::default()).unwrap();
+        let truths: Vec<Image> = lights.iter().map(|light| seen.rows.photograph(light).unwrap()).collect();
+        let mut relit: Vec<Image> = truths.clone();
+        let weights: Vec<Vec<f32>> = lights
+            .iter()
+            .map(|light| {
+                let mut weights = light.as_flattened().to_vec();
+                transform.inverse_adjoint(&mut weights, 3);
+                weights
+            })
+            .collect();
+        let mut scratch = solver.scratch();
+        for pixel in &seen.specular {
+            let response: Vec<f32> =
+                (0..3).flat_map(|c| photographs.iter().map(move |p| p.data()[3 * pixel + c])).collect();
+            let mut terms = Terms::default();
+            solver.solve(&mut scratch, &response, None, &mut terms);
+            for (picture, weights) in relit.iter_mut().zip(&weights) {
+                let of = |c: usize| {
+                    let terms = terms.locations.iter().zip(&terms.coefficients);
+                    terms.map(|(at, rgb)| rgb[c] * weights[3 * *at as usize + c]).sum::<f32>()
+                };
+                (0..3).for_each(|c| picture.data_mut()[3 * pixel + c] = of(c));
+            }
+        }
+        let off = relit.iter().zip(&truths).map(|(relit, truth)| relative_error(relit, truth, &seen.specular));
+        let implicit = off.sum::<f64>() / lights.len() as f64;
+        assert!(implicit < 0.7 * explicit, "implicit {implicit}, explicit {explicit}");
     }
 
     #[test]

@@ -29,7 +29,8 @@ struct Seen {
     pixel: usize,
     /// 1 - alpha.
     through: f32,
-    /// Texels with their shares of the pixel; together less than one where it looks past the screen.
+    /// Texels with their shares of what the pixel sees of the screen, together one (what looks past the screen counts as
+    /// covered); none beside it.
     texels: Vec<(u32, f32)>,
 }
 
@@ -98,9 +99,8 @@ impl Behind {
     }
 }
 
-/// The texels that a pixel sees, with their shares of it.
+/// The texels that a pixel sees, with their shares of what it sees of the screen.
 fn texels(corner: [f64; 2], correspondence: &Correspondence, plane: Plane) -> Vec<(u32, f32)> {
-    let share = 1.0 / (ACROSS * ACROSS) as f32;
     let mut found: Vec<u32> = (0..ACROSS * ACROSS)
         .filter_map(|n| {
             let inside = |k: usize| (k as f64 + 0.5) / ACROSS as f64;
@@ -114,5 +114,6 @@ fn texels(corner: [f64; 2], correspondence: &Correspondence, plane: Plane) -> Ve
         })
         .collect();
     found.sort_unstable();
+    let share = 1.0 / found.len().max(1) as f32;
     found.chunk_by(|a, b| a == b).map(|same| (same[0], share * same.len() as f32)).collect()
 }

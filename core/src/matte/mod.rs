@@ -11,11 +11,13 @@
 //!
 //! | part | what it holds |
 //! |---|---|
+//! | [`alpha`] | how much of a pixel the object covers |
 //! | `behind` | what the camera sees of the screen itself |
 //! | `place` | where the object stands in the plate |
 //! | `backdrop` | from a plate to the light of the screen's texels |
 //! | `composite` | the element in the plate, and over it |
 
+pub mod alpha;
 mod backdrop;
 mod behind;
 mod composite;

@@ -1,11 +1,16 @@
 //! `relume calibrate`: what a rig must know before its photographs mean light.
 
+mod alpha;
 mod failed;
+mod gamma;
+mod input;
 mod lamps;
+mod screen;
 mod white;
 
 use clap::Subcommand;
 
+pub(super) use input::Captured;
 pub(super) use white::read_correction;
 
 /// What is measured.
@@ -17,6 +22,12 @@ pub enum Subject {
     White(white::Arguments),
     /// Lamps that were dark, or hidden by the camera or an arm, found from the smoothness of the set.
     Failed(failed::Arguments),
+    /// The curve of a screen or projector, from photographs of grey levels.
+    Gamma(gamma::Arguments),
+    /// Which place of a screen each pixel of the camera sees, from stripes or Gray codes.
+    Screen(screen::Arguments),
+    /// What the object covers of the screen behind it, from stripes or from several backdrops.
+    Alpha(alpha::Arguments),
 }
 
 impl Subject {
@@ -26,6 +37,9 @@ impl Subject {
             Subject::Lamps(arguments) => arguments.run(),
             Subject::White(arguments) => arguments.run(),
             Subject::Failed(arguments) => arguments.run(),
+            Subject::Gamma(arguments) => arguments.run(),
+            Subject::Screen(arguments) => arguments.run(),
+            Subject::Alpha(arguments) => arguments.run(),
         }
     }
 }

@@ -51,15 +51,11 @@ pub struct Arguments {
     #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "25,50,100,200,300,400,600,900", value_parser = values::at_least_one)]
     counts: Vec<usize>,
     /// Which bases: haar, 5/3, 9/7.
-    #[arg(long, value_name = "WAVELETS", value_delimiter = ',', value_parser = wavelet)]
+    #[arg(long, value_name = "WAVELETS", value_delimiter = ',', value_parser = values::wavelet)]
     wavelets: Vec<Wavelet>,
     /// Noise of a photograph, as a share of its light.
     #[arg(long, value_name = "X", default_value_t = 0.002, allow_negative_numbers = true, value_parser = values::share)]
     noise: f64,
-}
-
-fn wavelet(text: &str) -> Result<Wavelet, String> {
-    text.parse().ok().filter(|wavelet| WAVELETS.contains(wavelet)).ok_or_else(|| "not haar, 5/3 or 9/7".to_owned())
 }
 
 /// Mean errors of relit pictures.

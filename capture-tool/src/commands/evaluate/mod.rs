@@ -5,6 +5,8 @@
 //! | `reconstruction` | how well fields are rebuilt from a part of their lamps |
 //! | `compression` | how well few coefficients stand for reflectance functions, and compact fields for samples |
 //! | `explicit` | how well functions shown on a screen one by one capture what stands before it |
+//! | `reference` | relit pictures against photographs under the same picture on a screen |
+//! | `implicit` | how well implicit sampling relights, by terms and patterns |
 //! | `inputs` | flags that both take |
 //! | `lines` | line charts |
 //! | `pictures` | what is shown: exposure, false colours, sizes |
@@ -12,11 +14,13 @@
 
 mod compression;
 mod explicit;
+mod implicit;
 mod inputs;
 mod lines;
 mod page;
 mod pictures;
 mod reconstruction;
+mod reference;
 
 use clap::Subcommand;
 
@@ -25,10 +29,14 @@ use clap::Subcommand;
 pub enum Subject {
     /// Rebuild a field from a part of its lamps by every method, and compare with all of them.
     Reconstruction(reconstruction::Arguments),
+    /// Hold a field of a screen, relit, against photographs of pictures on that screen.
+    Reference(reference::Arguments),
     /// Measure what wavelets and compact representations of a field lose, and what they save.
     Compression(compression::Arguments),
     /// Measure explicit sampling on virtual screens: errors of relit pictures over the number of functions.
     Explicit(explicit::Arguments),
+    /// Solve the virtual monitor by implicit sampling, and measure errors by terms and patterns.
+    Implicit(implicit::Arguments),
 }
 
 impl Subject {
@@ -36,8 +44,10 @@ impl Subject {
     pub fn run(self) -> anyhow::Result<String> {
         match self {
             Subject::Reconstruction(arguments) => arguments.run(),
+            Subject::Reference(arguments) => arguments.run(),
             Subject::Compression(arguments) => arguments.run(),
             Subject::Explicit(arguments) => arguments.run(),
+            Subject::Implicit(arguments) => arguments.run(),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `relume import`: photographs taken elsewhere -> a field, or a session folder.
 
 mod exr;
+mod graycode;
 mod lp;
 mod pairs;
 
@@ -14,6 +15,8 @@ use relume_core::image::Encoding;
 
 use super::{calibrate, note};
 
+pub(super) use pairs::{one_size, pictures};
+
 /// Kinds of import.
 #[derive(Debug, Subcommand)]
 pub enum Source {
@@ -23,6 +26,8 @@ pub enum Source {
     Exr(exr::ExrArguments),
     /// Patterns that a screen or projector showed, and the photograph under each: into a session folder.
     Pairs(pairs::PairsArguments),
+    /// Gray codes that a camera saw through a clear object: into a field of one place of the screen a pixel.
+    Graycode(graycode::GraycodeArguments),
 }
 
 impl Source {
@@ -32,6 +37,7 @@ impl Source {
             Source::Lp(arguments) => arguments.run(),
             Source::Exr(arguments) => arguments.run(),
             Source::Pairs(arguments) => arguments.run(),
+            Source::Graycode(arguments) => arguments.run(),
         }
     }
 }

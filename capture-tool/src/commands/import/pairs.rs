@@ -167,7 +167,7 @@ impl Plan {
 }
 
 /// The pictures of a folder, in the natural order of their names.
-fn pictures(folder: &Path) -> relume_core::Result<Vec<PathBuf>> {
+pub(in crate::commands) fn pictures(folder: &Path) -> relume_core::Result<Vec<PathBuf>> {
     let failed = |source| Error::io("read", folder, source);
     let mut named = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
@@ -187,7 +187,9 @@ fn pictures(folder: &Path) -> relume_core::Result<Vec<PathBuf>> {
 }
 
 /// The size that all pictures share.
-fn one_size<'a>(mut paths: impl Iterator<Item = &'a PathBuf>) -> relume_core::Result<(usize, usize)> {
+pub(in crate::commands) fn one_size<'a>(
+    mut paths: impl Iterator<Item = &'a PathBuf>,
+) -> relume_core::Result<(usize, usize)> {
     let Some(first) = paths.next() else { return Ok((0, 0)) };
     let size = probe_size(first)?;
     for path in paths {

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use relume_core::acquire::coverage;
 use relume_core::acquire::implicit::Stop;
+use relume_core::domain::patterns::PatternSet;
 use relume_core::domain::{Correspondence, EmitterCurve};
 use relume_core::field::{Access, Asset};
 use relume_core::image::{ColourSpace, Encoding, Image, probe_size};
@@ -15,13 +16,14 @@ use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result as CoreResult};
 
 use super::Arguments;
-use crate::capture::patterns::{Samples, Sets, sets};
+use crate::capture::patterns::{Samples, sets};
 use crate::commands::info::Info;
 use crate::commands::patterns::Encode;
 use crate::commands::{note, values};
 use crate::pack::develop::Developer;
 use crate::pack::records::Records;
 use crate::pack::screen::emitted::{self, Emitted};
+use crate::pack::screen::explicit::{self, ExplicitPack};
 use crate::pack::screen::implicit::{ImplicitPack, Wanted};
 use crate::pack::screen::photographs::Photographs;
 use crate::pack::screen::scan::ScanPack;
@@ -122,8 +124,16 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
     let samples = match capture.sampler.as_str() {
         "noise" => Samples::Noise,
         "scan" => Samples::Squares,
+        "explicit" => Samples::Functions,
+        "bare" => anyhow::bail!(
+            "{0}: the bare screen, without an object; name it beside the object's session: `relume pack SESSION --bare {0} -o A.rfield`",
+            arguments.session.display()
+        ),
         other => {
-            anyhow::bail!("{}: a session of --sampler {other}; noise and scan make fields", arguments.session.display())
+            anyhow::bail!(
+                "{}: a session of --sampler {other}; noise, scan and explicit make fields",
+                arguments.session.display()
+            )
         }
     };
     let sets = sets(&capture.rig, samples, capture.seed)?;
@@ -132,9 +142,15 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
         Some(curve) => (curve, String::new()),
         None => emitted::measured(records, developer, &sets, &monitor.curve.curve()?)?,
     };
-    let (view, white, words) = view_of(arguments, &photographs, records, developer, &sets)?;
+    let (view, white, words) = view_of(arguments, &photographs, captured)?;
     report += &words;
     let set = sets.get(samples.set()).ok_or_else(|| Error::invalid("the session", "no patterns", "some"))?;
+    if samples == Samples::Functions {
+        flags.refuse_solving("functions, a picture each")?;
+        let ready = view.ready(photographs.size(), set.plane(), white)?;
+        explicit(arguments, captured, (&photographs, &view, &ready), (set, &curve), output)?;
+        return Ok(format!("{}\n{report}", Info::of(&Asset::open(output, Access::Read)?).summary()));
+    }
     let emitted = Emitted::of_set(set, &monitor.curve.curve()?, &curve);
     let ready = view.ready(photographs.size(), emitted.plane, white)?;
     let list = in_order(records, samples.set(), emitted.patterns.len(), arguments)?;
@@ -168,6 +184,40 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
         }
     };
     Ok(format!("{}\n{report}", Info::of(&Asset::open(&written, Access::Read)?).summary()))
+}
+
+/// Functions that were shown one by one.
+fn explicit(
+    arguments: &Arguments,
+    Captured { capture, monitor, records, .. }: &Captured<'_>,
+    (photographs, view, ready): (&Photographs<'_>, &View, &view::Ready),
+    (set, curve): (&PatternSet, &EmitterCurve),
+    output: &Path,
+) -> anyhow::Result<()> {
+    let functions = explicit::functions(records, set)?;
+    let white = records.find(Role::AllLit, &Condition::White { stop: 0 });
+    let white = white.map(|white| photographs.lit(white)).transpose()?;
+    let assumed = monitor.curve.curve()?;
+    let pack = ExplicitPack {
+        photographs,
+        functions: &functions,
+        set,
+        curves: [&assumed, curve],
+        white: white.as_ref(),
+        view,
+        ready,
+    };
+    pack.doubts().iter().for_each(|doubt| note(doubt));
+    let provenance = serde_json::json!({
+        "source": "capture",
+        "rig": capture.rig.name,
+        "session": arguments.session.file_name().map(|name| name.to_string_lossy()),
+        "sampler": capture.sampler,
+        "seed": capture.seed,
+        "photographs": functions.iter().map(|function| function.photographs.len()).sum::<usize>(),
+        "screen": format!("{} x {}", set.plane().columns(), set.plane().rows()),
+    });
+    Ok(pack.write(output, provenance)?)
 }
 
 /// Pairs made elsewhere.
@@ -218,10 +268,9 @@ pub(super) fn imported(arguments: &Arguments, import: &ImportDescription, output
 fn view_of(
     arguments: &Arguments,
     photographs: &Photographs<'_>,
-    records: &Records,
-    developer: &Developer,
-    sets: &Sets,
+    captured: &Captured<'_>,
 ) -> anyhow::Result<(View, Option<(Image, bool)>, String)> {
+    let Captured { capture, records, developer, .. } = captured;
     let flags = &arguments.screen;
     let given = flags.correspondence.as_deref().map(read_correspondence).transpose()?;
     let matte = arguments.alpha.as_deref().map(|path| read_alpha(path, photographs.size())).transpose()?;
@@ -231,7 +280,7 @@ fn view_of(
         let (w, h) = photographs.size();
         return Err(Error::invalid("the bare screen", found, format!("{w} x {h}, as the photographs")).into());
     }
-    let (view, mut words) = view::of_session(records, developer, sets, (given, matte))?;
+    let (view, mut words) = view::of_session(&capture.rig, records, developer, (given, matte))?;
     if view.alpha.is_none() {
         note(
             "how much of the screen is seen past the object is not known: all of every pixel counts as the object, and T stays in \

@@ -2,12 +2,18 @@
 
 use std::path::Path;
 
+use relume_core::calibrate::emitter::Ramp;
+use relume_core::domain::patterns::Element;
 use relume_core::domain::patterns::{self, Kind, Pattern, PatternSet};
 use relume_core::domain::{Bits, Emitter, EmitterCurve, Plane};
 use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result};
 
-use crate::session::ImportDescription;
+use crate::capture::patterns::Sets;
+use crate::pack::develop::Developer;
+use crate::pack::records::Records;
+use crate::rigs::Condition;
+use crate::session::{ImportDescription, Photograph, Role};
 
 /// Patterns as they were emitted.
 #[derive(Debug)]
@@ -79,4 +85,38 @@ impl Emitted {
         }
         Ok(Self { plane, patterns: shown, wavelet: None })
     }
+}
+
+/// The curve of the screen from a session's ramp, or the one that was `assumed`; and words for the report.
+///
+/// # Errors
+/// Files that are gone or changed; a ramp that does not rise.
+pub fn measured(
+    records: &Records,
+    developer: &Developer,
+    sets: &Sets,
+    assumed: &EmitterCurve,
+) -> Result<(EmitterCurve, String)> {
+    let mut codes: Vec<(u8, &Photograph)> = Vec::new();
+    for photograph in records.of(Role::Calibration) {
+        let Condition::Pattern { set, number, .. } = &photograph.condition else { continue };
+        if let Some(set) = sets.get(set).filter(|set| *number < set.len())
+            && let Element::Ramp { code } = set.element(*number)
+        {
+            codes.push((code, photograph));
+        }
+    }
+    let find = |wanted: u8| codes.iter().find(|(code, _)| *code == wanted);
+    let (Some((_, black)), Some((_, white))) = (find(0), find(255)) else {
+        let words = "emitter    its curve was not measured: taken as assumed ([calibration] patterns: ramp)\n";
+        return Ok((assumed.clone(), words.to_owned()));
+    };
+    let mut ramp = Ramp::new(&developer.picture(records, black)?, &developer.picture(records, white)?)?;
+    for (code, photograph) in &codes {
+        ramp.add(*code, &developer.picture(records, photograph)?)?;
+    }
+    let measured = ramp.finish()?;
+    let words =
+        format!("emitter    measured from {} codes: about a gamma of {:.2}\n", measured.codes.len(), measured.gamma());
+    Ok((measured.curve()?, words))
 }

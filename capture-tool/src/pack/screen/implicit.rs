@@ -144,11 +144,10 @@ impl Job<'_> {
         all: Option<usize>,
     ) -> Result<()> {
         let mut contents = self.contents.clone();
-        let told = all.map_or_else(String::new, |all| format!(" {} to {} of {all}", tiles.start + 1, tiles.end));
         if let (Some(all), serde_json::Value::Object(provenance)) = (all, &mut contents.provenance) {
             provenance.insert(TILES.to_owned(), serde_json::json!([tiles.start + 1, tiles.end, all]));
         }
-        let mut progress = Progress::new(&format!("solving tiles{told}"), Unit::Steps);
+        let mut progress = Progress::new("solving tiles", Unit::Steps);
         let (width, size) = (contents.width, self.pack.photographs.size());
         let wanted = |x: usize, y: usize| self.pack.view.covered(y * width + x);
         let step = &mut |done, all| progress.step(done, all);

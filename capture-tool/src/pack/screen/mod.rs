@@ -13,9 +13,11 @@
 //! | [`emitted`] | what the screen showed |
 //! | [`view`] | where each pixel looks, what covers it, how bright the screen is |
 //! | [`implicit`] | terms of each pixel from patterns of noise (6.7) |
+//! | [`explicit`] | a picture a basis function (6.6) |
 //! | [`scan`] | a picture a square |
 
 pub mod emitted;
+pub mod explicit;
 pub mod implicit;
 pub mod photographs;
 pub mod scan;

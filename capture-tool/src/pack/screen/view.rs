@@ -1,9 +1,21 @@
 //! Where each pixel looks, what covers it, and how bright the screen is.
 
+use std::fmt::Write as _;
+use std::path::Path;
+
 use relume_core::Result;
 use relume_core::domain::{Correspondence, Domain, Plane};
 use relume_core::image::Image;
 use relume_core::matte::Behind;
+use relume_core::matte::alpha::BareWhite;
+
+use crate::pack::develop::Developer;
+use crate::pack::places::{self, ScreenFile};
+use crate::pack::records::Records;
+use crate::pack::shots::Shots;
+use crate::progress::{Progress, Unit};
+use crate::rigs::{Condition, RigFile};
+use crate::session::{Photograph, Role};
 
 /// What the camera sees of the screen itself.
 #[derive(Debug, Default)]
@@ -12,6 +24,8 @@ pub struct View {
     pub correspondence: Option<Correspondence>,
     /// Coverage of the object; none where it was not measured: all pixels are the object's.
     pub alpha: Option<Vec<f32>>,
+    /// The light of the white screen, where stripes told it.
+    pub bare: Option<BareWhite>,
 }
 
 /// The view made ready for photographs of one size and patterns of one grid.
@@ -43,7 +57,11 @@ impl View {
             true => Behind::new(&vec![0.0; alpha.len()], size, correspondence, plane).white(&photograph)?,
             false => behind.white(&photograph)?,
         };
-        let white = if bare { photograph } else { Image::from_fn(size.0, size.1, |_, _| unit) };
+        let white = match &self.bare {
+            _ if bare => photograph,
+            Some(smooth) => Image::from_fn(size.0, size.1, |x, y| smooth.at([x as f64 + 0.5, y as f64 + 0.5])),
+            None => Image::from_fn(size.0, size.1, |_, _| unit),
+        };
         Ok(Ready { behind: Some(behind), white: Some(white), unit })
     }
 
@@ -74,4 +92,53 @@ impl Ready {
             *pixel = [pixel[0] * r, pixel[1] * g, pixel[2] * b];
         }
     }
+}
+
+/// Where pixels look and what covers them: what is `given`, or else what the session's Gray codes and stripes say; and words
+/// for the report. Neither, where no such patterns were photographed.
+///
+/// # Errors
+/// Files that are gone or changed; a coverage of everything or nothing; patterns that were photographed and tell no place.
+pub fn of_session(
+    rig: &RigFile,
+    records: &Records,
+    developer: &Developer,
+    given: (Option<Correspondence>, Option<Vec<f32>>),
+) -> Result<(View, String)> {
+    let mut words = String::new();
+    let codes = |photograph: &Photograph| match &photograph.condition {
+        Condition::Pattern { set, .. } => matches!(set.as_str(), "gray-code" | "stripes"),
+        _ => false,
+    };
+    if !records.of(Role::Calibration).any(codes) {
+        return Ok((View { correspondence: given.0, alpha: given.1, bare: None }, words));
+    }
+    let shots = Shots::of_session(rig, records, developer)?;
+    let mut progress = Progress::new("reading codes", Unit::Steps);
+    let correspondence = match given.0 {
+        Some(given) => given,
+        None => {
+            let found = places::correspondence(&shots, &mut |done, all| progress.step(done, all))?;
+            let (off, kind) = (found.held_out.median_px, found.held_out_kind);
+            let _ =
+                writeln!(words, "screen     where pixels look is known to {off:.2} pixels (median of {kind} held out)");
+            found.fit.correspondence
+        }
+    };
+    let (alpha, bare) = match given.1 {
+        Some(given) => (given, None),
+        None => {
+            let found = places::alpha(&shots, &correspondence, &mut |done, all| progress.step(done, all))?;
+            (found.alpha, Some(found.bare))
+        }
+    };
+    Ok((View { correspondence: Some(correspondence), alpha: Some(alpha), bare }, words))
+}
+
+/// Reads a correspondence that `relume calibrate screen` wrote.
+///
+/// # Errors
+/// No such file; numbers that are no correspondence.
+pub fn read_correspondence(path: &Path) -> Result<Correspondence> {
+    Ok(ScreenFile::open(path)?.correspondence)
 }

@@ -102,6 +102,11 @@ impl Dictionary {
         &self.table[first as usize * self.stride..][..count as usize * self.stride]
     }
 
+    /// What a wavelet answers to each pattern.
+    pub(super) fn patterns_of(&self, row: u32) -> &[f32] {
+        &self.rows(row, 1)[..self.patterns]
+    }
+
     /// See the field.
     pub(super) fn weights(&self, first: u32, count: u32) -> &[f32] {
         &self.weights[first as usize..][..count as usize]

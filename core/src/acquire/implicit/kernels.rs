@@ -30,41 +30,54 @@ impl WithSimd for Gains<'_> {
         for (group, gain) in self.groups.iter().zip(self.gains) {
             let rows = self.dictionary.rows(group.row, group.count);
             let weights = self.dictionary.weights(group.row, group.count);
-            *gain = if group.count == 3 {
-                let rows: [&[f32]; 3] = std::array::from_fn(|m| &rows[m * stride..][..stride]);
+            *gain = 0.0;
+            if group.count == 3 {
+                let rows = [&rows[..stride], &rows[stride..2 * stride], &rows[2 * stride..]];
                 let dots = dots(simd, rows, residual);
-                dots.iter().zip(weights).map(|(dots, weight)| weight * squares(*dots)).sum()
+                for m in 0..3 {
+                    *gain += weights[m] * squares(dots[m]);
+                }
             } else {
-                let one = |row| squares(dots(simd, [row], residual)[0]);
-                rows.chunks_exact(stride).zip(weights).map(|(row, weight)| weight * one(row)).sum()
-            };
-        }
-    }
-}
-
-#[inline(always)]
-fn squares<const B: usize>(numbers: [f32; B]) -> f32 {
-    numbers.iter().map(|v| v * v).sum()
-}
-
-/// All inner products of `A` by `B` slices of one length.
-#[inline(always)]
-fn dots<S: Simd, const A: usize, const B: usize>(simd: S, a: [&[f32]; A], b: [&[f32]; B]) -> [[f32; B]; A] {
-    let a = a.map(|slice| S::as_simd_f32s(slice).0);
-    let length = a[0].len();
-    let a = a.map(|slice| &slice[..length]);
-    let b = b.map(|slice| &S::as_simd_f32s(slice).0[..length]);
-    let mut sums = [[simd.splat_f32s(0.0); B]; A];
-    for at in 0..length {
-        let right: [S::f32s; B] = std::array::from_fn(|n| b[n][at]);
-        for m in 0..A {
-            let left = a[m][at];
-            for n in 0..B {
-                sums[m][n] = simd.mul_add_e_f32s(left, right[n], sums[m][n]);
+                for (row, weight) in rows.chunks_exact(stride).zip(weights) {
+                    *gain += weight * squares(dots(simd, [row], residual)[0]);
+                }
             }
         }
     }
-    sums.map(|row| row.map(|sum| simd.reduce_sum_f32s(sum)))
+}
+
+#[inline(always)]
+fn squares([r, g, b]: [f32; CHANNELS]) -> f32 {
+    r * r + g * g + b * b
+}
+
+/// All inner products of `A` by `B` slices of one length. (Loops, not closures: only what is inlined here may use the wide
+/// instructions.)
+#[inline(always)]
+fn dots<S: Simd, const A: usize, const B: usize>(simd: S, a: [&[f32]; A], b: [&[f32]; B]) -> [[f32; B]; A] {
+    let length = a[0].len() / S::F32_LANES;
+    let (mut left, mut right): ([&[S::f32s]; A], [&[S::f32s]; B]) = ([&[]; A], [&[]; B]);
+    for m in 0..A {
+        left[m] = &S::as_simd_f32s(a[m]).0[..length];
+    }
+    for n in 0..B {
+        right[n] = &S::as_simd_f32s(b[n]).0[..length];
+    }
+    let mut sums = [[simd.splat_f32s(0.0); B]; A];
+    for at in 0..length {
+        for m in 0..A {
+            for n in 0..B {
+                sums[m][n] = simd.mul_add_e_f32s(left[m][at], right[n][at], sums[m][n]);
+            }
+        }
+    }
+    let mut results = [[0.0; B]; A];
+    for m in 0..A {
+        for n in 0..B {
+            results[m][n] = simd.reduce_sum_f32s(sums[m][n]);
+        }
+    }
+    results
 }
 
 /// `to += factor * from`.
@@ -72,7 +85,9 @@ fn dots<S: Simd, const A: usize, const B: usize>(simd: S, a: [&[f32]; A], b: [&[
 fn add<S: Simd>(simd: S, to: &mut [f32], factor: f32, from: &[f32]) {
     let factor = simd.splat_f32s(factor);
     let (to, from) = (S::as_mut_simd_f32s(to).0, S::as_simd_f32s(from).0);
-    to.iter_mut().zip(from).for_each(|(to, from)| *to = simd.mul_add_e_f32s(factor, *from, *to));
+    for (to, from) in to.iter_mut().zip(from) {
+        *to = simd.mul_add_e_f32s(factor, *from, *to);
+    }
 }
 
 /// Takes out of up to three new vectors what `basis` spans (Gram and Schmidt), by inner products over the first `stride`
@@ -126,18 +141,23 @@ fn project_block<S: Simd, const M: usize, const K: usize>(
         let vectors: [&[f32]; M] = std::array::from_fn(|m| &vectors[m * length..][..stride]);
         dots(simd, basis.map(|q| &q[..stride]), vectors)
     };
-    let basis = basis.map(|q| S::as_simd_f32s(q).0);
-    let count = basis[0].len();
-    let basis = basis.map(|q| &q[..count]);
-    for (m, vector) in vectors.chunks_exact_mut(length).take(M).enumerate() {
-        let factors: [S::f32s; K] = std::array::from_fn(|k| simd.splat_f32s(-inner[k][m]));
-        let vector = &mut S::as_mut_simd_f32s(vector).0[..count];
-        for (at, number) in vector.iter_mut().enumerate() {
-            let mut sum = *number;
+    let count = length / S::F32_LANES;
+    let mut wide: [&[S::f32s]; K] = [&[]; K];
+    for k in 0..K {
+        wide[k] = &S::as_simd_f32s(basis[k]).0[..count];
+    }
+    for m in 0..M {
+        let vector = &mut S::as_mut_simd_f32s(&mut vectors[m * length..][..length]).0[..count];
+        let mut factors = [simd.splat_f32s(0.0); K];
+        for k in 0..K {
+            factors[k] = simd.splat_f32s(-inner[k][m]);
+        }
+        for at in 0..count {
+            let mut sum = vector[at];
             for k in 0..K {
-                sum = simd.mul_add_e_f32s(factors[k], basis[k][at], sum);
+                sum = simd.mul_add_e_f32s(factors[k], wide[k][at], sum);
             }
-            *number = sum;
+            vector[at] = sum;
         }
     }
 }

@@ -18,9 +18,11 @@ const LEAST_LIGHT: f32 = 0.03;
 const RESOLVED: f32 = 0.25;
 /// A bit of less contrast is weak: near the edge of a stripe, or blurred.
 const WEAK: f32 = 0.2;
-/// Weak bits that a pixel may have in each direction: a place on the edge of one stripe of a Gray code is in the middle of the
-/// others.
-const MOST_WEAK: u32 = 1;
+/// Weak bits that a pixel may have in each direction before a clear one: a place on the edge of one stripe of a Gray code is in
+/// the middle of the others.
+const MOST_WEAK: u8 = 1;
+/// And after the last clear one, blurred by glass: the place is known to four times what the picture resolves.
+const MOST_LOST: usize = 2;
 /// Of white - black, what bits of a trusted pixel have on average.
 const TRUSTED: f32 = 0.5;
 
@@ -91,7 +93,7 @@ pub fn decode(shown: &[Shown], picture: &mut dyn FnMut(usize) -> Result<Image>) 
     let place = |pixel: usize| -> Option<Place> {
         let contrast = 0.5 * (axes[0].contrast(pixel)? + axes[1].contrast(pixel)?);
         let middle = |tree: &Tree, axis: &Axis| {
-            let run = tree.find(|bit| axis.words[pixel] >> bit & 1 == 1);
+            let run = tree.find(|bit| axis.bit(pixel, bit));
             0.5 * (run.start + run.end) as f32
         };
         (range.sees(pixel) && contrast >= TRUSTED)
@@ -114,6 +116,39 @@ pub fn decode(shown: &[Shown], picture: &mut dyn FnMut(usize) -> Result<Image>) 
         resolution: [across.widest(), down.widest()],
         light: range.light,
     })
+}
+
+/// A pattern of columns or rows as it was seen.
+#[derive(Debug)]
+pub struct Line<'a> {
+    /// What it changes along.
+    pub along: Along,
+    /// Of each column or row, whether it is lit.
+    pub lit: &'a [bool],
+    /// Photograph less that of the inverse, as shares of white less black, -1 to 1 but for noise; 0 where the pixel sees no
+    /// light. Row by row, the mean of the channels.
+    pub contrast: &'a [f32],
+}
+
+/// Goes through all patterns of columns, coarse to fine, then of rows, as [`decode`] sees them; gives white less black, RGB.
+/// `each` is also told that.
+///
+/// # Errors
+/// As [`decode`].
+pub fn lines(
+    shown: &[Shown],
+    picture: &mut dyn FnMut(usize) -> Result<Image>,
+    each: &mut dyn FnMut(&Image, Line<'_>) -> Result<()>,
+) -> Result<Image> {
+    let bits = [bits(shown, Along::Columns)?, bits(shown, Along::Rows)?];
+    let range = Range::new(shown, &bits, picture)?;
+    for (along, bits) in [Along::Columns, Along::Rows].into_iter().zip(&bits) {
+        for bit in bits {
+            let contrast = range.contrast(bit, picture)?;
+            each(&range.light, Line { along, lit: bit.lit, contrast: &contrast })?;
+        }
+    }
+    Ok(range.light)
 }
 
 /// The bits of a direction, coarse to fine, each with its inverse if that was shown.
@@ -189,6 +224,25 @@ impl Range {
     fn sees(&self, pixel: usize) -> bool {
         self.range[pixel] >= self.least
     }
+
+    /// See [`Line::contrast`].
+    fn contrast(&self, bit: &Bit<'_>, picture: &mut dyn FnMut(usize) -> Result<Image>) -> Result<Vec<f32>> {
+        let mut pictured = |number: usize| -> Result<Vec<f32>> {
+            let picture = picture(number)?.into_rgb();
+            check_size(&self.light, &picture)?;
+            Ok(grey(&picture))
+        };
+        let lit = pictured(bit.number)?;
+        let dark = bit.inverse.map(pictured).transpose()?;
+        let contrast = |pixel: usize| {
+            let difference = match &dark {
+                Some(dark) => lit[pixel] - dark[pixel],
+                None => 2.0 * (lit[pixel] - self.black[pixel]) - self.range[pixel],
+            };
+            if self.sees(pixel) { (difference / self.range[pixel]).clamp(-2.0, 2.0) } else { 0.0 }
+        };
+        Ok((0..lit.len()).map(contrast).collect())
+    }
 }
 
 /// The brightest and the darkest that each pixel was under the patterns.
@@ -207,60 +261,72 @@ fn extremes(bits: &[Vec<Bit<'_>>; 2], picture: &mut dyn FnMut(usize) -> Result<I
 /// The bits of all pixels in one direction.
 struct Axis {
     words: Vec<u32>,
-    /// Sums of contrasts, and weak bits, over what is resolved.
-    sums: Vec<f32>,
+    /// Of each pixel: how many bits there are up to its last clear one, how many of these are weak, and the sum of their
+    /// contrasts.
+    depths: Vec<u8>,
     weak: Vec<u8>,
+    sums: Vec<f32>,
+    /// The sum since the last clear one.
+    pending: Vec<f32>,
     resolved: usize,
 }
 
 impl Axis {
     fn read(bits: &[Bit<'_>], range: &Range, picture: &mut dyn FnMut(usize) -> Result<Image>) -> Result<Self> {
         let pixels = range.width * range.height;
-        let mut axis = Self { words: vec![0; pixels], sums: vec![0.0; pixels], weak: vec![0; pixels], resolved: 0 };
-        let mut contrasts = vec![0.0f32; pixels];
+        let (none, zero) = (vec![0; pixels], vec![0.0; pixels]);
+        let mut axis = Self {
+            words: vec![0; pixels],
+            depths: none.clone(),
+            weak: none,
+            sums: zero.clone(),
+            pending: zero,
+            resolved: 0,
+        };
         for (n, bit) in bits.iter().enumerate() {
-            let mut pictured = |number: usize| -> Result<Vec<f32>> {
-                let picture = picture(number)?.into_rgb();
-                check_size(&range.light, &picture)?;
-                Ok(grey(&picture))
-            };
-            let lit = pictured(bit.number)?;
-            let dark = bit.inverse.map(&mut pictured).transpose()?;
-            for (pixel, contrast) in contrasts.iter_mut().enumerate() {
-                let difference = match &dark {
-                    Some(dark) => lit[pixel] - dark[pixel],
-                    None => 2.0 * (lit[pixel] - range.black[pixel]) - range.range[pixel],
-                };
-                *contrast = if range.sees(pixel) { (difference / range.range[pixel]).clamp(-1.0, 1.0) } else { 0.0 };
-            }
-            if !axis.resolves(n, &contrasts) {
+            let contrasts = range.contrast(bit, picture)?;
+            if !axis.resolves(&contrasts) {
                 break;
             }
-            for (pixel, contrast) in contrasts.iter().enumerate() {
-                axis.words[pixel] |= u32::from(*contrast > 0.0) << n;
-                axis.sums[pixel] += contrast.abs();
-                axis.weak[pixel] += u8::from(contrast.abs() < WEAK);
-            }
-            axis.resolved = n + 1;
+            axis.add(n, &contrasts);
         }
         Ok(axis)
     }
 
-    /// Whether the `n`-th bit tells something where the coarser ones did: matt bodies show no stripes, however wide.
-    fn resolves(&self, n: usize, contrasts: &[f32]) -> bool {
-        let clear = |pixel: usize| match n {
+    fn add(&mut self, n: usize, contrasts: &[f32]) {
+        for (pixel, contrast) in contrasts.iter().enumerate() {
+            self.words[pixel] |= u32::from(*contrast > 0.0) << n;
+            self.pending[pixel] += contrast.abs().min(1.0);
+            if contrast.abs() >= WEAK {
+                self.weak[pixel] += n as u8 - self.depths[pixel];
+                self.depths[pixel] = n as u8 + 1;
+                self.sums[pixel] += std::mem::take(&mut self.pending[pixel]);
+            }
+        }
+        self.resolved = n + 1;
+    }
+
+    /// Whether the next bit tells something where the coarser ones did: matt bodies show no stripes, however wide.
+    fn resolves(&self, contrasts: &[f32]) -> bool {
+        let clear = |pixel: usize| match self.resolved {
             0 => contrasts[pixel].abs() >= TRUSTED,
-            n => self.sums[pixel] >= TRUSTED * n as f32 && u32::from(self.weak[pixel]) <= MOST_WEAK,
+            n => self.sums[pixel] >= TRUSTED * n as f32 && self.weak[pixel] <= MOST_WEAK,
         };
         let mut seen: Vec<f32> = (0..contrasts.len()).filter(|p| clear(*p)).map(|p| contrasts[p].abs()).collect();
         let middle = seen.len() / 2;
         !seen.is_empty() && *seen.select_nth_unstable_by(middle, f32::total_cmp).1 >= RESOLVED
     }
 
-    /// The mean contrast of a pixel, if few bits are weak.
+    /// The mean contrast of a pixel up to its last clear bit, if few are weak.
     fn contrast(&self, pixel: usize) -> Option<f32> {
-        let trusted = self.resolved > 0 && u32::from(self.weak[pixel]) <= MOST_WEAK;
-        trusted.then(|| self.sums[pixel] / self.resolved as f32)
+        let depth = usize::from(self.depths[pixel]);
+        let trusted = depth > 0 && self.weak[pixel] <= MOST_WEAK && self.resolved - depth <= MOST_LOST;
+        trusted.then(|| self.sums[pixel] / depth as f32)
+    }
+
+    /// Whether a bit is lit; none that comes after the last clear one.
+    fn bit(&self, pixel: usize, bit: usize) -> Option<bool> {
+        (bit < usize::from(self.depths[pixel])).then(|| self.words[pixel] >> bit & 1 == 1)
     }
 }
 

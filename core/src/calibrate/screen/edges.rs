@@ -7,10 +7,10 @@
 //! the correspondence has the nearest edge of the pattern, so it cannot be told from one of a whole stripe more: stripes must
 //! be wider than what is looked for.
 
+use super::decode::Line;
 use super::fit::Spread;
 use super::shown::Along;
 use crate::domain::Correspondence;
-use crate::image::Image;
 
 /// Both sides of an edge have this contrast, of white less black: stripes that are seen directly and resolved.
 const CLEAR: f32 = 0.5;
@@ -38,29 +38,19 @@ impl HeldOut {
     }
 }
 
-/// Adds the edges of a pattern. `difference` is its photograph less that of its inverse, `light` that of white less black;
-/// `direct` says of each pixel whether it sees the screen directly.
-pub fn held_out(
-    into: &mut HeldOut,
-    (along, lit): (Along, &[bool]),
-    (difference, light): (&Image, &Image),
-    direct: &[bool],
-    correspondence: &Correspondence,
-) {
-    let axis = usize::from(along == Along::Rows);
+/// Adds the edges of a pattern, in a picture `width` pixels wide; `direct` says of each pixel whether it sees the screen
+/// directly.
+pub fn held_out(into: &mut HeldOut, line: &Line<'_>, width: usize, direct: &[bool], correspondence: &Correspondence) {
+    let (axis, lit) = (usize::from(line.along == Along::Rows), line.lit);
     let edges: Vec<f64> =
         (1..lit.len()).filter(|n| lit[*n] != lit[n - 1]).map(|n| n as f64 / lit.len() as f64).collect();
-    let (width, height) = difference.size();
-    let contrast = |x: usize, y: usize| {
-        let sum = |image: &Image| image.pixel(x, y).iter().sum::<f32>();
-        sum(difference) / sum(light).max(f32::MIN_POSITIVE)
-    };
+    let height = line.contrast.len() / width;
     let (steps, lines) = if axis == 0 { (width, height) } else { (height, width) };
     let found = into.errors.len();
-    for line in 0..lines {
-        let at = |step: usize| if axis == 0 { (step, line) } else { (line, step) };
-        let value = |step: usize| contrast(at(step).0, at(step).1);
-        let seen = |step: usize| direct[at(step).1 * width + at(step).0];
+    for across in 0..lines {
+        let at = |step: usize| if axis == 0 { across * width + step } else { step * width + across };
+        let value = |step: usize| line.contrast[at(step)];
+        let seen = |step: usize| direct[at(step)];
         for step in BLURRED..steps.saturating_sub(1 + BLURRED) {
             let (a, b) = (value(step), value(step + 1));
             let sides = (step - BLURRED..=step + 1 + BLURRED).all(seen);
@@ -74,7 +64,7 @@ pub fn held_out(
             let first = step + 1 - BLURRED;
             let lit: f32 = (first..=step + BLURRED).map(|n| (value(n) - after) / (before - after)).sum();
             let (mut pixel, middle) = ([0.0; 2], first as f64 + f64::from(lit));
-            (pixel[axis], pixel[1 - axis]) = (middle, line as f64 + 0.5);
+            (pixel[axis], pixel[1 - axis]) = (middle, across as f64 + 0.5);
             let slope = correspondence.slopes(pixel)[axis][axis].abs();
             let screen = correspondence.screen_of(pixel)[axis];
             let off = edges.iter().map(|edge| (edge - screen).abs()).fold(f64::INFINITY, f64::min) / slope;
@@ -105,15 +95,15 @@ mod tests {
             lit.count() as f32 / samples as f32 * 2.0 - 1.0
         };
         let along = |x: usize, y: usize| coverage([x, y][axis] as f64);
-        let difference = Image::from_fn(size, size, |x, y| [along(x, y) * 3.0; 3]);
-        let light = Image::from_fn(size, size, |_, _| [3.0; 3]);
+        let contrast: Vec<f32> = (0..size * size).map(|n| along(n % size, n / size)).collect();
         let area = Area { from: [0.0; 2], to: [size as f64; 2] };
         let homography = [[0.005, 0.0, 0.0], [0.0, 0.005, 0.0], [0.0, 0.0, 1.0]];
         let correspondence = Correspondence::new(homography, area, None).unwrap();
         let mut out = HeldOut::default();
         let direct = vec![true; size * size];
         let direction = if axis == 0 { Along::Columns } else { Along::Rows };
-        held_out(&mut out, (direction, &lit), (&difference, &light), &direct, &correspondence);
+        let line = Line { along: direction, lit: &lit, contrast: &contrast };
+        held_out(&mut out, &line, size, &direct, &correspondence);
         assert_eq!(out.patterns(), 1);
         out.spread().unwrap()
     }

@@ -26,7 +26,7 @@ mod fit;
 mod shown;
 mod tree;
 
-pub use decode::{Decoded, Place, decode};
+pub use decode::{Decoded, Line, Place, decode, lines};
 pub use edges::{HeldOut, held_out};
 pub use fit::{Fit, Sighting, Spread, fit};
 pub use shown::{Along, Shown};

@@ -56,12 +56,11 @@ impl Tree {
         Ok(tree)
     }
 
-    /// The columns (or rows) that bits leave, `lit` by the number of the bit; and whether the bits that were not needed agree
-    /// with those that were is not asked.
-    pub fn find(&self, lit: impl Fn(usize) -> bool) -> Range<usize> {
+    /// The columns (or rows) that bits leave, `lit` by the number of the bit; none that is not known ends the search.
+    pub fn find(&self, lit: impl Fn(usize) -> Option<bool>) -> Range<usize> {
         let mut at = 0;
-        while let Some((bit, children)) = self.nodes[at].split {
-            at = children[usize::from(lit(bit))];
+        while let Some((lit, children)) = self.nodes[at].split.and_then(|(bit, children)| Some((lit(bit)?, children))) {
+            at = children[usize::from(lit)];
         }
         self.nodes[at].run.clone()
     }
@@ -89,8 +88,9 @@ mod tests {
                 let tree = Tree::new(&bits, 50).unwrap();
                 assert_eq!(tree.widest(), 1 << (6 - kept));
                 for at in 0..50 {
-                    let run = tree.find(|bit| bits[bit][at]);
+                    let run = tree.find(|bit| Some(bits[bit][at]));
                     assert!(run.contains(&at) && run.len() <= 1 << (6 - kept), "{at}: {run:?}");
+                    assert_eq!(tree.find(|_| None), 0..50);
                 }
             }
         }
