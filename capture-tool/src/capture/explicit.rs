@@ -67,7 +67,7 @@ struct Scale {
 
 impl Explicit {
     /// Begins, or goes on where the journal of `root` ends. `opening` are the steps before the first function; `sets` has the
-    /// functions in their parts, and what the calibration shows.
+    /// functions in their parts.
     ///
     /// # Errors
     /// A rig without a screen; a journal that cannot be read.
@@ -127,7 +127,7 @@ impl Explicit {
         let (black, white) = (mean(black, black2), mean(white, white2));
         let mut lit = white.clone();
         lit.data_mut().iter_mut().zip(black.data()).for_each(|(v, s)| *v -= s);
-        let covered = covered(&self.rig, &records, &developer, lit.size())?;
+        let covered = covered(&self.rig, &records, &developer, lit.width() * lit.height())?;
         let tree = Transform::tree(&transform(self.monitor()?, &self.set)?);
         let bound = Bound::new(tree, self.weight, &lit, covered.clone())?;
         let counted = [covered.iter().filter(|covered| **covered).count(), covered.len()];
