@@ -331,29 +331,31 @@ fn smaller_scales_place_a_smaller_object_in_a_smaller_plate() {
     let place = Place { shift: [6.0, -4.0], scale: 1.2, rotate_deg: 25.0 };
     let halved = Place { shift: [3.0, -2.0], scale: 0.6, rotate_deg: 25.0 };
     let source = TestImage::from_fn(64, 48, |x, y| [x as f32 / 64.0, y as f32 / 48.0, 0.25, 1.0]);
-    with_instance(Options::default(), Context::Filter, |instance| {
-        instance.set_string("asset", &text(&props.asset));
-        Shot { place, ..Shot::default() }.set(instance);
-        instance.clip("Source").connect(source.clone());
-        let args = RenderArgs { scale: (0.5, 0.5), ..RenderArgs::default() };
-        let half = instance.render(&args).unwrap();
-        let expected = props.expected(&source.scaled((0.5, 0.5)), &Shot { place: halved, ..Shot::default() });
-        close(&half, &expected, 1e-5);
-        close(&instance.render_tiles(&args, 10), &half, 1e-5);
-        let whole = instance.render(&RenderArgs::default()).unwrap().scaled((0.5, 0.5));
-        let difference = |a: &TestImage, b: &TestImage| {
-            a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
-        };
-        let (apart, size) = (difference(&half, &whole), difference(&whole, &TestImage::new(32, 24)));
-        assert!(apart < 0.06 * size, "{apart} of {size}");
-        // Elsewhere it would not be.
-        instance.set_double("positionX", 10.0);
-        let elsewhere = instance.render(&args).unwrap();
-        assert!(difference(&elsewhere, &whole) > 3.0 * apart);
-        // A scale below what a place allows is a dot, not a failure.
-        instance.set_double("scale", 0.001);
-        assert!(instance.render(&args).ok());
-    });
+    for regions_in_pixels in [false, true] {
+        with_instance(Options { regions_in_pixels, ..Options::default() }, Context::Filter, |instance| {
+            instance.set_string("asset", &text(&props.asset));
+            Shot { place, ..Shot::default() }.set(instance);
+            instance.clip("Source").connect(source.clone());
+            let args = RenderArgs { scale: (0.5, 0.5), ..RenderArgs::default() };
+            let half = instance.render(&args).unwrap();
+            let expected = props.expected(&source.scaled((0.5, 0.5)), &Shot { place: halved, ..Shot::default() });
+            close(&half, &expected, 1e-5);
+            close(&instance.render_tiles(&args, 10), &half, 1e-5);
+            let whole = instance.render(&RenderArgs::default()).unwrap().scaled((0.5, 0.5));
+            let difference = |a: &TestImage, b: &TestImage| {
+                a.data().iter().zip(b.data()).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>().sqrt()
+            };
+            let (apart, size) = (difference(&half, &whole), difference(&whole, &TestImage::new(32, 24)));
+            assert!(apart < 0.06 * size, "{apart} of {size}");
+            // Elsewhere it would not be.
+            instance.set_double("positionX", 10.0);
+            let elsewhere = instance.render(&args).unwrap();
+            assert!(difference(&elsewhere, &whole) > 3.0 * apart);
+            // A scale below what a place allows is a dot, not a failure.
+            instance.set_double("scale", 0.001);
+            assert!(instance.render(&args).ok());
+        });
+    }
 }
 
 /// Pixels twice as wide as high: made in squares, and averaged.
