@@ -86,7 +86,7 @@ mod tests {
 
     fn layout(depth: Depth, components: Components, alpha: AlphaState) -> Layout {
         let bounds = Rect { x1: 0, y1: 0, x2: 1, y2: 1 };
-        Layout { bounds, region: bounds, row_bytes: 16, depth, components, alpha, aspect: 1.0 }
+        Layout { bounds, region: bounds, region_told: true, row_bytes: 16, depth, components, alpha, aspect: 1.0 }
     }
 
     const PREMULTIPLIED: AlphaState = AlphaState::Premultiplied;

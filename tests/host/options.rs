@@ -17,6 +17,8 @@ pub struct Options {
     pub project_extent: (f64, f64),
     /// Pixel aspect ratio of the project.
     pub pixel_aspect: f64,
+    /// Whether clips tell their regions in pixels of the render scale, as MLT's do, and not in canonical units.
+    pub regions_in_pixels: bool,
     /// Frames per second.
     pub frame_rate: f64,
     /// First and last frame.
@@ -45,6 +47,7 @@ impl Default for Options {
             project_offset: (0.0, 0.0),
             project_extent: (64.0, 48.0),
             pixel_aspect: 1.0,
+            regions_in_pixels: false,
             frame_rate: 24.0,
             frame_range: (1.0, 100.0),
             depth: Depth::Float,

@@ -214,8 +214,9 @@ unsafe extern "C" fn clip_get_region_of_definition(
         }
         let bounds = clip.picture(time).ok_or(kOfxStatFailed)?.bounds();
         let [x1, y1, x2, y2] = bounds.edges().map(f64::from);
-        let aspect = options.pixel_aspect;
-        Ok(OfxRectD { x1: x1 * aspect, y1, x2: x2 * aspect, y2 })
+        let scale = effect.job(time).filter(|_| options.regions_in_pixels).map_or((1.0, 1.0), |job| job.scale);
+        let (x, y) = (options.pixel_aspect * scale.0, scale.1);
+        Ok(OfxRectD { x1: x1 * x, y1: y1 * y, x2: x2 * x, y2: y2 * y })
     });
     // SAFETY: the plugin's variable, as the standard demands.
     unsafe { answer("clipGetRegionOfDefinition", out, found) }

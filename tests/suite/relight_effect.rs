@@ -329,6 +329,23 @@ fn a_scaled_picture_is_the_mean_of_the_whole_one() {
     });
 }
 
+/// A host whose clips tell regions in the pixels of a proxy: the element is where it is in the large picture.
+#[test]
+fn a_proxy_centres_the_element_whatever_units_clips_tell_regions_in() {
+    let props = Props::new();
+    let source = plate(80, 60);
+    let rendered = [false, true].map(|regions_in_pixels| {
+        let mut rendered = None;
+        with_instance(Options { regions_in_pixels, ..Options::default() }, Context::Filter, |instance| {
+            props.set(instance);
+            instance.clip("Source").connect(source.clone());
+            rendered = Some(instance.render(&RenderArgs { scale: (0.5, 0.5), ..RenderArgs::default() }).unwrap());
+        });
+        rendered.unwrap()
+    });
+    close(&rendered[0], &rendered[1], 0.0);
+}
+
 #[test]
 fn the_illumination_clip_takes_the_place_of_the_file() {
     let props = Props::new();

@@ -90,6 +90,8 @@ pub struct Layout {
     pub bounds: Rect<i32>,
     /// Pixels that exist at all; the bounds where the host does not say.
     pub region: Rect<i32>,
+    /// Does the host say which pixels exist?
+    pub region_told: bool,
     /// Bytes from a row to the one above; negative when memory runs downwards.
     pub row_bytes: isize,
     /// Sample depth.
@@ -123,9 +125,11 @@ impl Layout {
         let row_bytes = properties
             .int(kOfxImagePropRowBytes, 0)
             .ok_or_else(|| Error::host("gave an image without the length of a row"))?;
+        let region = rect(kOfxImagePropRegionOfDefinition).filter(|r| r.width() > 0 && r.height() > 0);
         let layout = Self {
             bounds,
-            region: rect(kOfxImagePropRegionOfDefinition).filter(|r| r.width() > 0 && r.height() > 0).unwrap_or(bounds),
+            region: region.unwrap_or(bounds),
+            region_told: region.is_some(),
             row_bytes: row_bytes as isize,
             depth: depth(properties.string(kOfxImageEffectPropPixelDepth, 0))?,
             components: components(properties.string(kOfxImageEffectPropComponents, 0))?,
@@ -266,7 +270,7 @@ mod tests {
         let [x1, y1, x2, y2] = bounds;
         let bounds = Rect { x1, y1, x2, y2 };
         let (depth, components, alpha) = (Depth::Float, Components::Rgba, AlphaState::Premultiplied);
-        Layout { bounds, region: bounds, row_bytes, depth, components, alpha, aspect: 1.0 }
+        Layout { bounds, region: bounds, region_told: true, row_bytes, depth, components, alpha, aspect: 1.0 }
     }
 
     #[test]

@@ -35,7 +35,8 @@ fn picture(
     let clip = source(effect);
     let plate = clip.as_ref().map_or(Ok(None), |clip| clip.image(request.time))?;
     let plate = plate.ok_or(Error::Missing("Connect the backplate to Source: it is the light of the object."))?;
-    let region = regions::plate(effect, clip.as_ref(), request.time);
+    let told = regions::plate(effect, clip.as_ref(), request.time);
+    let region = regions::seen(told, Some(&plate), request.scale);
     let grid = Grid::of(&plate, region, request.scale, canvas.layout().aspect)?;
     let (place, look) = (grid.place(&controls.place), controls.look);
     let weights = match controls.show {

@@ -49,11 +49,11 @@ fn picture(
     canvas.draw(effect, &Element { field, weights, controls, axes }, plate.as_ref())
 }
 
-/// Centred on the plate's region as the clip tells it; on the image's where the clip does not; else on its own.
+/// Centred on the plate's region; without a plate on its own.
 fn placement(effect: &Effect<'_>, request: &Request, field: &Relighter, plate: Option<&Image<'_>>) -> Placement {
     let size = (field.asset().width(), field.asset().height());
-    let from_image = || Some(regions::of_image(plate?, request.scale));
-    match regions::plate(effect, input(effect, SOURCE).as_ref(), request.time).or_else(from_image) {
+    let told = regions::plate(effect, input(effect, SOURCE).as_ref(), request.time);
+    match regions::seen(told, plate, request.scale) {
         Some(region) => Placement::centred(size, &region),
         None => Placement::own_format(size),
     }
