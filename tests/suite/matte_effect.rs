@@ -75,7 +75,7 @@ impl Props {
         let path = |name: &str| folder.path().join(name);
         let (asset, lamps, map) = (path("glass.rfield"), path("ball.rfield"), path("park.exr"));
         let screen = Plane::new(TEXELS.0, TEXELS.1).unwrap();
-        write_asset(&asset, Domain::Plane(screen, Some(correspondence())), &[]);
+        write_asset(&asset, Domain::Plane(screen, Some(Box::new(correspondence()))), &[]);
         let directions = [Vec3::new(0.0, 0.6, 0.8), Vec3::new(0.6, 0.0, 0.8), Vec3::new(-0.6, 0.0, 0.8), Vec3::z()];
         write_asset(&lamps, Directions::new(directions.to_vec()).unwrap().into(), &[std::f32::consts::PI; 4]);
         let park = EnvMap::from_fn(32, 16, |d| [1.5 + d.x as f32, 1.5 + d.y as f32, 1.5 + d.z as f32]);

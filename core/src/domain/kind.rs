@@ -10,7 +10,7 @@ pub enum Domain {
     /// Lamps at infinity.
     Directions(Arc<Directions>),
     /// The texels of a screen, and where on it each pixel of the camera looks, if that is known.
-    Plane(Plane, Option<Correspondence>),
+    Plane(Plane, Option<Box<Correspondence>>),
 }
 
 impl Domain {
@@ -42,7 +42,7 @@ impl Domain {
     /// Where on the screen each pixel of the camera looks, of a rig with a screen that was looked at.
     pub fn correspondence(&self) -> Option<&Correspondence> {
         match self {
-            Self::Plane(_, correspondence) => correspondence.as_ref(),
+            Self::Plane(_, correspondence) => correspondence.as_deref(),
             Self::Directions(_) => None,
         }
     }

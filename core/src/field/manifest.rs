@@ -100,7 +100,7 @@ pub enum Domain {
         rows: usize,
         /// Where on the screen each pixel of the camera looks, if that is known.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        correspondence: Option<Correspondence>,
+        correspondence: Option<Box<Correspondence>>,
     },
 }
 

@@ -130,8 +130,8 @@ fn all_representations_of_a_screen_agree() {
             let weights = relighter.weights(&light, &look).unwrap();
             let lit = relighter.render(&weights, &look, Window::full(SIZE.0, SIZE.1)).unwrap();
             for (pixel, rgba) in lit.data().chunks_exact(4).enumerate() {
-                for c in 0..3 {
-                    let (found, expected) = (rgba[c], expected(pixel, c));
+                for (c, &found) in rgba.iter().enumerate().take(3) {
+                    let expected = expected(pixel, c);
                     assert!((found - expected).abs() < 0.004 * expected, "{name} {wavelet:?}: {found} {expected}");
                 }
                 assert_eq!(rgba[3], 1.0);

@@ -82,7 +82,7 @@ impl GraycodeArguments {
         let plane = Plane::new(texels.0, texels.1)?;
         let (width, height) = field.size();
         let contents = Contents {
-            domain: Domain::Plane(plane, Some(field.correspondence.clone())),
+            domain: Domain::Plane(plane, Some(Box::new(field.correspondence.clone()))),
             irradiance: Vec::new(),
             width,
             height,

@@ -67,7 +67,7 @@ impl View {
 
     /// The domain of the field.
     pub fn domain(&self, plane: Plane) -> Domain {
-        Domain::Plane(plane, self.correspondence.clone())
+        Domain::Plane(plane, self.correspondence.clone().map(Box::new))
     }
 
     /// Is any of a pixel the object's?

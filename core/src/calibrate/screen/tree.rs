@@ -87,11 +87,11 @@ mod tests {
                 let bits: Vec<&[bool]> = lines[..kept].iter().map(Vec::as_slice).collect();
                 let tree = Tree::new(&bits, 50).unwrap();
                 assert_eq!(tree.widest(), 1 << (6 - kept));
-                for at in 0..50 {
+                (0..50).for_each(|at| {
                     let run = tree.find(|bit| Some(bits[bit][at]));
                     assert!(run.contains(&at) && run.len() <= 1 << (6 - kept), "{at}: {run:?}");
                     assert_eq!(tree.find(|_| None), 0..50);
-                }
+                });
             }
         }
     }
