@@ -140,5 +140,5 @@ pub fn of_session(
 /// # Errors
 /// No such file; numbers that are no correspondence.
 pub fn read_correspondence(path: &Path) -> Result<Correspondence> {
-    Ok(ScreenFile::open(path)?.correspondence)
+    Ok(places::ScreenFile::open(path)?.correspondence)
 }

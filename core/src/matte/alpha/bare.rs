@@ -31,9 +31,17 @@ impl BareWhite {
         if pixels.len() < 100 {
             return None;
         }
+        // Edges of the object are among them; a cubic means nothing beyond those that fit.
+        let (_, kept) = Self::over(light, &pixels)?;
+        Some(Self::over(light, &kept)?.0)
+    }
+
+    /// The fit over some pixels, and those that fit.
+    fn over(light: &Image, pixels: &[usize]) -> Option<(Self, Vec<usize>)> {
+        let width = light.width();
         let place = |pixel: usize| [(pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5];
         let mut area = Area { from: [f64::INFINITY; 2], to: [f64::NEG_INFINITY; 2] };
-        for pixel in &all {
+        for pixel in pixels {
             for (i, at) in place(*pixel).into_iter().enumerate() {
                 (area.from[i], area.to[i]) = (area.from[i].min(at - 0.5), area.to[i].max(at + 0.5));
             }
@@ -61,7 +69,8 @@ impl BareWhite {
             let bound = (WIDE * *sorted.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST);
             kept.iter_mut().zip(&errors).for_each(|(kept, error)| *kept = *error <= bound);
         }
-        Some(Self { area, rgb })
+        let fitting = pixels.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(pixel, _)| *pixel).collect();
+        Some((Self { area, rgb }, fitting))
     }
 
     /// At a place of the picture, pixels; beyond where the screen is seen, that of its edge.
