@@ -16,7 +16,9 @@ impl Solver {
     pub(super) fn grow(&self, scratch: &mut Scratch, noise: Option<f32>) -> f32 {
         let s = scratch;
         s.residual.copy_from_slice(&s.response);
-        (s.groups.clear(), s.rows.clear(), s.shares.clear());
+        s.groups.clear();
+        s.rows.clear();
+        s.shares.clear();
         for root in 0..self.dictionary.roots() {
             s.groups.push(self.dictionary.group(root));
         }
@@ -29,7 +31,8 @@ impl Solver {
                 Gains { dictionary: &self.dictionary, groups: &s.groups, residual: &s.residual, gains: &mut s.gains };
             run(self.arch, work);
             let (best, gain) = largest(&s.gains);
-            if !(gain > 0.0) || s.rows.len() + s.groups[best].count as usize > self.tried {
+            let explains = gain > 0.0;
+            if !explains || s.rows.len() + s.groups[best].count as usize > self.tried {
                 break;
             }
             let group = s.groups.swap_remove(best);
@@ -58,7 +61,8 @@ impl Solver {
             let (earlier, vector) = new[..(used + 1) * length].split_at_mut(used * length);
             run(self.arch, Project { basis: earlier, vectors: vector, length, stride });
             let energy = run(self.arch, Energy(&vector[..stride]));
-            if !(energy > DEPENDENT * run(self.arch, Energy(row))) {
+            let independent = energy > DEPENDENT * run(self.arch, Energy(row));
+            if !independent {
                 continue;
             }
             vector[stride + s.rows.len()] = 1.0;

@@ -56,7 +56,8 @@ fn squares([r, g, b]: [f32; CHANNELS]) -> f32 {
 #[inline(always)]
 fn dots<S: Simd, const A: usize, const B: usize>(simd: S, a: [&[f32]; A], b: [&[f32]; B]) -> [[f32; B]; A] {
     let length = a[0].len() / S::F32_LANES;
-    let (mut left, mut right): ([&[S::f32s]; A], [&[S::f32s]; B]) = ([&[]; A], [&[]; B]);
+    let mut left: [&[S::f32s]; A] = [&[]; A];
+    let mut right: [&[S::f32s]; B] = [&[]; B];
     for m in 0..A {
         left[m] = &S::as_simd_f32s(a[m]).0[..length];
     }

@@ -123,7 +123,8 @@ pub struct Terms {
 impl Terms {
     /// Forgets all pixels, and keeps the room.
     pub fn clear(&mut self) {
-        (self.locations.clear(), self.coefficients.clear());
+        self.locations.clear();
+        self.coefficients.clear();
     }
 }
 
