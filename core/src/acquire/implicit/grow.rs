@@ -3,7 +3,7 @@
 use super::Stop;
 use super::dictionary::Group;
 use super::kernels::{CHANNELS, Energy, Gains, Project, TakeOut, run};
-use super::solver::{Candidate, Chosen, Scratch, Solver};
+use super::solver::{Scratch, Solver};
 
 /// A function that keeps less than this share of its energy, once what is known was taken out, repeats it: rounding of f32.
 pub(super) const DEPENDENT: f32 = 1e-6;
@@ -16,9 +16,10 @@ impl Solver {
     pub(super) fn grow(&self, scratch: &mut Scratch, noise: Option<f32>) -> f32 {
         let s = scratch;
         s.residual.copy_from_slice(&s.response);
-        (s.candidates.clear(), s.groups.clear(), s.chosen.clear(), s.rows.clear(), s.shares.clear());
+        s.groups.clear();
+        s.rows.clear();
+        s.shares.clear();
         for root in 0..self.dictionary.roots() {
-            s.candidates.push(Candidate { parent: None });
             s.groups.push(self.dictionary.group(root));
         }
         let whole = run(self.arch, Energy(&s.residual));
@@ -30,29 +31,16 @@ impl Solver {
                 Gains { dictionary: &self.dictionary, groups: &s.groups, residual: &s.residual, gains: &mut s.gains };
             run(self.arch, work);
             let (best, gain) = largest(&s.gains);
-            if !(gain > 0.0) || s.rows.len() + s.groups[best].count as usize > self.tried {
+            let explains = gain > 0.0;
+            if !explains || s.rows.len() + s.groups[best].count as usize > self.tried {
                 break;
             }
-            self.choose(s, best);
+            let group = s.groups.swap_remove(best);
+            self.append(s, group);
+            s.groups.extend((group.child..group.child + group.children).map(|child| self.dictionary.group(child)));
             left = run(self.arch, Energy(&s.residual));
         }
         left
-    }
-
-    /// Makes a candidate part of the tree, and what lies below it candidates.
-    fn choose(&self, s: &mut Scratch, best: usize) {
-        let (group, candidate) = (s.groups.swap_remove(best), s.candidates.swap_remove(best));
-        let (at, first) = (s.chosen.len(), s.rows.len());
-        self.append(s, group);
-        let count = s.rows.len() - first;
-        s.chosen.push(Chosen { parent: candidate.parent, first, count, children: 0, kept: true });
-        if let Some(parent) = candidate.parent {
-            s.chosen[parent].children += 1;
-        }
-        for child in group.child..group.child + group.children {
-            s.candidates.push(Candidate { parent: Some(at) });
-            s.groups.push(self.dictionary.group(child));
-        }
     }
 
     /// Makes the members of a group part of the basis, and takes what they explain out of the residual.
@@ -73,7 +61,8 @@ impl Solver {
             let (earlier, vector) = new[..(used + 1) * length].split_at_mut(used * length);
             run(self.arch, Project { basis: earlier, vectors: vector, length, stride });
             let energy = run(self.arch, Energy(&vector[..stride]));
-            if !(energy > DEPENDENT * run(self.arch, Energy(row))) {
+            let independent = energy > DEPENDENT * run(self.arch, Energy(row));
+            if !independent {
                 continue;
             }
             vector[stride + s.rows.len()] = 1.0;

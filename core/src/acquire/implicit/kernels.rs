@@ -56,7 +56,8 @@ fn squares([r, g, b]: [f32; CHANNELS]) -> f32 {
 #[inline(always)]
 fn dots<S: Simd, const A: usize, const B: usize>(simd: S, a: [&[f32]; A], b: [&[f32]; B]) -> [[f32; B]; A] {
     let length = a[0].len() / S::F32_LANES;
-    let (mut left, mut right): ([&[S::f32s]; A], [&[S::f32s]; B]) = ([&[]; A], [&[]; B]);
+    let mut left: [&[S::f32s]; A] = [&[]; A];
+    let mut right: [&[S::f32s]; B] = [&[]; B];
     for m in 0..A {
         left[m] = &S::as_simd_f32s(a[m]).0[..length];
     }
@@ -237,16 +238,16 @@ impl WithSimd for Outer<'_> {
     }
 }
 
-/// Takes up to three functions out of a least-squares solution: `c -= H_g K c_g`, `H -= H_g K H_g^T`, `K = (H_gg)^-1`.
+/// Takes a function out of a least-squares solution: `H -= h h^T / h_j`.
 pub(super) struct Remove<'a> {
     pub matrix: &'a mut [f32],
     pub side: usize,
     /// Rows in use.
     pub used: usize,
-    /// `K H_g^T`, one row a function.
-    pub scaled: &'a [f32],
-    /// `H_g`, one row a function.
-    pub columns: &'a [f32],
+    /// `h`.
+    pub column: &'a [f32],
+    /// `1 / h_j`.
+    pub pivot: f32,
 }
 
 impl WithSimd for Remove<'_> {
@@ -255,11 +256,10 @@ impl WithSimd for Remove<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let filled = self.used.next_multiple_of(super::dictionary::LANES);
-        for (at, row) in self.matrix.chunks_exact_mut(self.side).take(self.used).enumerate() {
-            for (scaled, column) in self.scaled.chunks_exact(self.side).zip(self.columns.chunks_exact(self.side)) {
-                if column[at] != 0.0 {
-                    add(simd, &mut row[..filled], -column[at], &scaled[..filled]);
-                }
+        for (row, h) in self.matrix.chunks_exact_mut(self.side).take(self.used).zip(self.column) {
+            // Zero for what was taken out before.
+            if *h != 0.0 {
+                add(simd, &mut row[..filled], -h * self.pivot, &self.column[..filled]);
             }
         }
     }

@@ -8,8 +8,9 @@
 //! 1. **Grow** (6.24, 6.26). All groups (the three wavelets of a place) that hang from the tree are candidates. The one that
 //!    explains most of the residual joins; its rows are orthogonalised against the basis Q and taken out of the residual
 //!    (sequential QR by Gram and Schmidt, with the columns of `R^-1` carried along); the groups below it become candidates.
-//! 2. **Delete.** The tree grows to one and a half times the terms that are wanted. Then leaves are taken back one by one, the one whose loss costs
-//!    least first, from the least-squares solution over all that is left.
+//! 2. **Delete.** The tree grows to one and a half times the terms that are wanted. Then terms are taken back one by one, from
+//!    anywhere in the tree, the one whose loss costs least first, from the least-squares solution over all that is left: a path to
+//!    a spot needs its ancestors to be found, not to be said. (Taking back whole leaves costs a seventh more error.)
 //! 3. **Stop.** Deleting goes on while it lowers the generalised cross-validation error, so noise is not modelled, and
 //!    nobody has to say how much of it there is.
 //! 4. **Solve.** The least-squares coefficients of what is left, refined once.
@@ -33,7 +34,7 @@
 //! | `dictionary` | W, in the order of the tree |
 //! | `solver` | one pixel: from its answers to its terms |
 //! | `grow` | the tree, with its basis |
-//! | `delete` | least squares, and the leaves that are not worth keeping |
+//! | `delete` | least squares, and the terms that are not worth keeping |
 //! | `kernels` | the loops over patterns |
 //! | `plain` | the same in plain double precision: the oracle |
 
@@ -124,13 +125,16 @@ pub struct Terms {
 impl Terms {
     /// Forgets all pixels, and keeps the room.
     pub fn clear(&mut self) {
-        (self.locations.clear(), self.coefficients.clear());
+        self.locations.clear();
+        self.coefficients.clear();
     }
 }
 
-/// Terms that are tried so that `terms` remain: patterns determine fewer than they are.
+/// Terms that are tried so that `terms` remain. Those beyond three quarters of the patterns would be too ill determined for
+/// single precision: the condition of a random matrix so near to square is 14, its square what least squares feel (A. Edelman,
+/// "Eigenvalues and condition numbers of random matrices", 1988).
 fn tried(terms: usize, patterns: usize) -> usize {
-    ((terms as f64 * GROWTH) as usize).min(patterns - 1).max(terms)
+    ((terms as f64 * GROWTH) as usize).min(3 * patterns / 4).max(terms)
 }
 
 /// The generalised cross-validation error (Craven and Wahba 1979; Friedman 1991, eq. 30), but for a constant: what is left,

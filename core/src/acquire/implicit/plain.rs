@@ -8,14 +8,8 @@ use super::grow::{DEPENDENT, enough};
 use super::kernels::CHANNELS;
 use super::{Options, Stop, Terms, generalised, tried};
 
-/// A group of the tree.
-struct Node {
-    parent: Option<usize>,
-    rows: Vec<u32>,
-}
-
 /// The terms of one pixel, as [`Solver::solve`](super::Solver::solve) finds them, but for rounding. Slow: an orthonormal basis
-/// is kept as columns, and least squares are solved anew for every leaf that is taken back.
+/// is kept as columns, and least squares are solved anew for every term that is taken back.
 ///
 /// # Panics
 /// When `response` does not hold three numbers a pattern; when there are not fewer terms than patterns.
@@ -27,24 +21,23 @@ pub fn solve_plainly(dictionary: &Dictionary, options: Options, response: &[f32]
     }
     let response = DMatrix::from_fn(patterns, CHANNELS, |n, c| f64::from(response[c * patterns + n]));
     let noise = noise.filter(|_| options.stop == Stop::On);
-    let mut tree = grow(dictionary, tried(options.terms, patterns), &response, noise);
+    let mut rows = grow(dictionary, tried(options.terms, patterns), &response, noise);
     let solution = loop {
-        let rows: Vec<u32> = tree.iter().flat_map(|node| node.rows.iter().copied()).collect();
         let (solution, inverse, left) = least_squares(dictionary, &rows, &response);
-        let Some((leaf, loss)) = least(&tree, &solution, &inverse) else { break solution };
-        let fewer = rows.len() - tree[leaf].rows.len();
-        let noise = generalised(left + loss, fewer, patterns) <= generalised(left, rows.len(), patterns);
-        if rows.len() <= options.terms && !(options.stop == Stop::On && noise) {
+        let loss = |at: usize| solution.row(at).norm_squared() / inverse[(at, at)];
+        let losses = (0..rows.len()).map(|at| (at, loss(at)));
+        let Some((least, loss)) = losses.reduce(|least, next| if next.1 < least.1 { next } else { least }) else {
+            break solution;
+        };
+        let (before, after) = (rows.len(), rows.len() - 1);
+        let noise = generalised(left + loss, after, patterns) <= generalised(left, before, patterns);
+        if before <= options.terms && !(options.stop == Stop::On && noise) {
             break solution;
         }
-        tree.remove(leaf);
-        for parent in tree.iter_mut().filter_map(|node| node.parent.as_mut()) {
-            *parent -= usize::from(*parent > leaf);
-        }
+        rows.remove(least);
     };
-    let rows = tree.iter().flat_map(|node| &node.rows);
     Terms {
-        locations: rows.map(|row| dictionary.location(*row)).collect(),
+        locations: rows.iter().map(|row| dictionary.location(*row)).collect(),
         coefficients: solution.row_iter().map(|row| std::array::from_fn(|c| row[c] as f32)).collect(),
     }
 }
@@ -54,20 +47,18 @@ fn row(dictionary: &Dictionary, row: u32) -> DVector<f64> {
     DVector::from_iterator(dictionary.patterns(), dictionary.patterns_of(row).iter().map(|w| f64::from(*w)))
 }
 
-fn grow(dictionary: &Dictionary, most: usize, response: &DMatrix<f64>, noise: Option<f32>) -> Vec<Node> {
-    let mut candidates: Vec<(Option<usize>, Group)> =
-        (0..dictionary.roots()).map(|root| (None, dictionary.group(root))).collect();
-    let (mut tree, mut basis, mut residual) = (Vec::new(), Vec::new(), response.clone());
+fn grow(dictionary: &Dictionary, most: usize, response: &DMatrix<f64>, noise: Option<f32>) -> Vec<u32> {
+    let mut candidates: Vec<Group> = (0..dictionary.roots()).map(|root| dictionary.group(root)).collect();
+    let (mut rows, mut basis, mut residual) = (Vec::new(), Vec::new(), response.clone());
     let enough = f64::from(enough(response.norm_squared() as f32, noise, dictionary.patterns()));
     while residual.norm_squared() > enough {
-        let gains = candidates.iter().map(|(_, group)| gain(dictionary, group, &residual));
+        let gains = candidates.iter().map(|group| gain(dictionary, group, &residual));
         let best = gains.enumerate().reduce(|best, next| if next.1 > best.1 { next } else { best });
         let Some((best, _)) = best.filter(|best| best.1 > 0.0) else { break };
-        if basis.len() + candidates[best].1.count as usize > most {
+        if basis.len() + candidates[best].count as usize > most {
             break;
         }
-        let (parent, group) = candidates.remove(best);
-        let mut node = Node { parent, rows: Vec::new() };
+        let group = candidates.remove(best);
         for number in group.row..group.row + group.count {
             let row = row(dictionary, number);
             let mut vector = row.clone();
@@ -80,14 +71,12 @@ fn grow(dictionary: &Dictionary, most: usize, response: &DMatrix<f64>, noise: Op
                 vector.normalize_mut();
                 residual -= &vector * vector.tr_mul(&residual);
                 basis.push(vector);
-                node.rows.push(number);
+                rows.push(number);
             }
         }
-        let below = group.child..group.child + group.children;
-        candidates.extend(below.map(|child| (Some(tree.len()), dictionary.group(child))));
-        tree.push(node);
+        candidates.extend((group.child..group.child + group.children).map(|child| dictionary.group(child)));
     }
-    tree
+    rows
 }
 
 /// How much of the residual's energy a group explains, one function at a time.
@@ -111,23 +100,4 @@ fn least_squares(dictionary: &Dictionary, rows: &[u32], response: &DMatrix<f64>)
     let solution = &inverse * w.tr_mul(response);
     let left = (response - w * &solution).norm_squared();
     (solution, inverse, left)
-}
-
-/// The leaf without which least energy more is left, and how much: `c_g^T (H_gg)^-1 c_g`.
-fn least(tree: &[Node], solution: &DMatrix<f64>, inverse: &DMatrix<f64>) -> Option<(usize, f64)> {
-    let mut first = 0;
-    let mut least: Option<(usize, f64)> = None;
-    for (at, node) in tree.iter().enumerate() {
-        let count = node.rows.len();
-        if !tree.iter().any(|other| other.parent == Some(at)) {
-            let own = solution.rows(first, count);
-            let within = inverse.view((first, first), (count, count)).clone_owned();
-            let loss = own.dot(&(within.try_inverse().expect("a positive matrix") * own));
-            if least.is_none_or(|(_, smallest)| loss < smallest) {
-                least = Some((at, loss));
-            }
-        }
-        first += count;
-    }
-    least
 }

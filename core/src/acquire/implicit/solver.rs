@@ -31,37 +31,18 @@ pub struct Scratch {
     pub(super) shares: Vec<[f32; CHANNELS]>,
     pub(super) response: Vec<f32>,
     pub(super) residual: Vec<f32>,
-    pub(super) candidates: Vec<Candidate>,
+    /// Candidates.
     pub(super) groups: Vec<Group>,
     pub(super) gains: Vec<f32>,
-    pub(super) chosen: Vec<Chosen>,
     /// Of each vector: its row in the dictionary.
     pub(super) rows: Vec<u32>,
     pub(super) solution: Vec<[f32; CHANNELS]>,
     /// `(W W^T)^-1` of the rows.
     pub(super) inverse: Vec<f32>,
-    pub(super) columns: Vec<f32>,
-    pub(super) scaled: Vec<f32>,
-}
-
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Candidate {
-    /// Place in `chosen` of what it hangs from.
-    pub(super) parent: Option<usize>,
-}
-
-/// A group that became part of the tree.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Chosen {
-    /// Place in `chosen` of what it hangs from.
-    pub(super) parent: Option<usize>,
-    /// Its first vector, and how many are its.
-    pub(super) first: usize,
-    pub(super) count: usize,
-    /// Groups below it that are part of the tree.
-    pub(super) children: usize,
-    /// Whether it was not taken back.
-    pub(super) kept: bool,
+    /// A column of it.
+    pub(super) column: Vec<f32>,
+    /// What was not taken back.
+    pub(super) kept: Vec<bool>,
 }
 
 impl Solver {
@@ -96,15 +77,13 @@ impl Solver {
             shares: Vec::with_capacity(self.tried),
             response: vec![0.0; CHANNELS * stride],
             residual: vec![0.0; CHANNELS * stride],
-            candidates: Vec::new(),
             groups: Vec::new(),
             gains: Vec::new(),
-            chosen: Vec::with_capacity(self.tried),
             rows: Vec::with_capacity(self.tried),
             solution: Vec::with_capacity(self.tried),
             inverse: vec![0.0; self.tried * side],
-            columns: vec![0.0; 3 * side],
-            scaled: vec![0.0; 3 * side],
+            column: vec![0.0; side],
+            kept: Vec::with_capacity(self.tried),
         }
     }
 
@@ -128,7 +107,7 @@ impl Solver {
         }
         let energy = self.grow(scratch, noise);
         self.fit(scratch);
-        self.prune(scratch, energy);
+        self.delete(scratch, energy);
         self.refine(scratch);
         self.emit(scratch, terms)
     }
@@ -140,11 +119,9 @@ impl Solver {
 
     fn emit(&self, s: &Scratch, terms: &mut Terms) -> usize {
         let before = terms.locations.len();
-        for group in s.chosen.iter().filter(|group| group.kept) {
-            for member in group.first..group.first + group.count {
-                terms.locations.push(self.dictionary.location(s.rows[member]));
-                terms.coefficients.push(s.solution[member]);
-            }
+        for at in (0..s.rows.len()).filter(|at| s.kept[*at]) {
+            terms.locations.push(self.dictionary.location(s.rows[at]));
+            terms.coefficients.push(s.solution[at]);
         }
         terms.locations.len() - before
     }

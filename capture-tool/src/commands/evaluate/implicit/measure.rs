@@ -11,7 +11,7 @@ use super::report::{Line, Report};
 use crate::progress::{Progress, Unit};
 
 /// Terms of the line over terms, at so many patterns (the red graph of figure 6.30).
-const TERMS: [usize; 8] = [16, 24, 32, 48, 64, 80, 96, 128];
+const TERMS: [usize; 9] = [16, 24, 32, 48, 64, 80, 96, 112, 128];
 const AT_PATTERNS: usize = 256;
 /// Patterns of the lines over patterns, at so many terms (its green and black graphs).
 const PATTERNS: [usize; 6] = [96, 128, 192, 256, 384, 512];
@@ -26,7 +26,7 @@ pub struct Task {
     /// Of the photographs.
     pub size: (usize, usize),
     pub basis: Wavelet,
-    /// As a share of each number.
+    /// Where the white screen is seen, as a share of it.
     pub noise: f32,
     pub seed: u64,
     /// Names and light.

@@ -52,7 +52,7 @@ pub struct Arguments {
     /// The wavelet that reflectance functions are made of.
     #[arg(long, value_name = "WAVELET", default_value = "haar", value_parser = basis())]
     basis: Wavelet,
-    /// Camera noise: the standard deviation of each number, in percent of it.
+    /// Camera noise: its standard deviation where the white screen is seen, in percent; it falls as the root of the light.
     #[arg(long, value_name = "PERCENT", default_value_t = 100.0 * f64::from(Setup::NOISE), value_parser = percent)]
     noise: f64,
     /// Seed of the patterns, the noise, and the backdrops.

@@ -24,7 +24,7 @@ pub struct Report {
     /// Width and height of the photographs.
     pub size: (usize, usize),
     pub basis: &'static str,
-    /// Standard deviation of camera noise, as a share of each number.
+    /// Standard deviation of camera noise where the white screen is seen, as a share of it.
     pub noise: f32,
     /// Covered, lit pixels: those that were solved.
     pub pixels: usize,
@@ -137,7 +137,7 @@ pub fn page(report: &Report, chart: &str) -> String {
         p { (report.tool) ": " code { (report.command) } }
         p.note {
             (report.pixels) " covered, lit pixels of the virtual monitor, " (report.size.0) " x " (report.size.1)
-            " photographs, camera noise of " (format!("{:.2}", 100.0 * report.noise)) " percent of each number. Errors are "
+            " photographs, camera noise of " (format!("{:.2}", 100.0 * report.noise)) " percent where the white screen is seen. Errors are "
             "||C - C'|| / ||C'|| over those pixels, the mean of " (report.backdrops.join(", ")) ". With more terms more of each "
             "reflectance function is said, but less surely: without the rule to stop there is a best number of terms."
         }
