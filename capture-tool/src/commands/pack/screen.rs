@@ -21,6 +21,7 @@ use crate::commands::info::Info;
 use crate::commands::patterns::Encode;
 use crate::commands::{note, values};
 use crate::pack::develop::Developer;
+use crate::pack::places::ScreenFile;
 use crate::pack::records::Records;
 use crate::pack::screen::emitted::{self, Emitted};
 use crate::pack::screen::explicit::{self, ExplicitPack};
@@ -88,6 +89,12 @@ impl ScreenFlags {
     fn wanted(&self) -> Wanted {
         let stop = if self.stop == Some(StopChoice::Off) { Stop::Off } else { Stop::On };
         Wanted { terms: self.terms.unwrap_or(64), stop, basis: self.basis }
+    }
+
+    /// Where the pixels of photographs of a size look.
+    fn looks(&self, size: (usize, usize)) -> CoreResult<Option<Correspondence>> {
+        let read = |path: &PathBuf| Ok(ScreenFile::read(path, size)?.correspondence);
+        self.correspondence.as_ref().map(read).transpose()
     }
 
     fn curve(&self) -> anyhow::Result<Option<EmitterCurve>> {
@@ -238,7 +245,7 @@ pub(super) fn imported(arguments: &Arguments, import: &ImportDescription, output
     let emitted = Emitted::imported(&arguments.session, import, flags.curve()?.as_ref(), step)?;
     drop(progress);
     let view = View {
-        correspondence: flags.correspondence.as_deref().map(read_correspondence).transpose()?,
+        correspondence: flags.looks(photographs.size())?,
         alpha: arguments.alpha.as_deref().map(|path| read_alpha(path, photographs.size())).transpose()?,
         bare: None,
     };
@@ -264,15 +271,14 @@ pub(super) fn imported(arguments: &Arguments, import: &ImportDescription, output
     Ok(format!("{}\n", Info::of(&Asset::open(&written, Access::Read)?).summary()))
 }
 
+/// A view, a photograph under white (and whether of the bare screen), and words for the report.
+type Seen = (View, Option<(Image, bool)>, String);
+
 /// Correspondence, coverage and the white screen, from flags or from the session; and what is said of them.
-fn view_of(
-    arguments: &Arguments,
-    photographs: &Photographs<'_>,
-    captured: &Captured<'_>,
-) -> anyhow::Result<(View, Option<(Image, bool)>, String)> {
+fn view_of(arguments: &Arguments, photographs: &Photographs<'_>, captured: &Captured<'_>) -> anyhow::Result<Seen> {
     let Captured { capture, records, developer, .. } = captured;
     let flags = &arguments.screen;
-    let given = flags.correspondence.as_deref().map(read_correspondence).transpose()?;
+    let given = flags.looks(photographs.size())?;
     let matte = arguments.alpha.as_deref().map(|path| read_alpha(path, photographs.size())).transpose()?;
     let bare = flags.bare.as_deref().map(bare_white).transpose()?;
     if let Some(bare) = bare.as_ref().filter(|bare| bare.size() != photographs.size()) {
@@ -362,10 +368,6 @@ fn keyed(
     };
     map.insert("solved_from_blake3".to_owned(), hasher.finalize().to_hex().to_string().into());
     map
-}
-
-fn read_correspondence(path: &Path) -> CoreResult<Correspondence> {
-    view::read_correspondence(path)
 }
 
 /// The coverage in a picture of this size.

@@ -63,10 +63,7 @@ impl ImplicitPack<'_> {
         }
         let wavelet = self.wanted.basis.or(self.emitted.wavelet).unwrap_or(Wavelet::Haar);
         let dictionary = Dictionary::new(&self.emitted.plane.transform(wavelet)?, &self.emitted.patterns)?;
-        Solver::new(
-            Arc::new(dictionary),
-            Options { terms: self.wanted.terms, stop: self.wanted.stop, ..Options::default() },
-        )
+        Solver::new(Arc::new(dictionary), Options { terms: self.wanted.terms, stop: self.wanted.stop })
     }
 
     /// Writes the field, or the `tiles` of it (from 0) as a part beside it; returns what was written. Parts of a large field

@@ -1,7 +1,6 @@
 //! Where each pixel looks, what covers it, and how bright the screen is.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 use relume_core::Result;
 use relume_core::domain::{Correspondence, Domain, Plane};
@@ -10,7 +9,7 @@ use relume_core::matte::Behind;
 use relume_core::matte::alpha::BareWhite;
 
 use crate::pack::develop::Developer;
-use crate::pack::places::{self, ScreenFile};
+use crate::pack::places;
 use crate::pack::records::Records;
 use crate::pack::shots::Shots;
 use crate::progress::{Progress, Unit};
@@ -133,12 +132,4 @@ pub fn of_session(
         }
     };
     Ok((View { correspondence: Some(correspondence), alpha: Some(alpha), bare }, words))
-}
-
-/// Reads a correspondence that `relume calibrate screen` wrote.
-///
-/// # Errors
-/// No such file; numbers that are no correspondence.
-pub fn read_correspondence(path: &Path) -> Result<Correspondence> {
-    Ok(places::ScreenFile::open(path)?.correspondence)
 }

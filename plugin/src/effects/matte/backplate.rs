@@ -72,7 +72,7 @@ impl Grid {
         let (across, up) = (scale.0 / aspect, scale.1);
         let density = across.max(up);
         let ratio = (density / across, density / up);
-        if !(ratio.0.max(ratio.1) <= LARGEST_RATIO) {
+        if [ratio.0, ratio.1].iter().any(|side| side.is_nan() || *side > LARGEST_RATIO) {
             return Err(Error::host(format!("gave pixels {:.3} times as wide as high", up / across)));
         }
         let outwards = |x: f64, y: f64| {
