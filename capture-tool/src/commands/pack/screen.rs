@@ -40,7 +40,8 @@ pub(super) struct ScreenFlags {
     /// Terms of a pixel, at most [default: 64].
     #[arg(long, value_name = "N", value_parser = values::at_least_one)]
     terms: Option<usize>,
-    /// The wavelet of the terms: haar, 5/3 or 9/7 [default: that of the patterns, or haar].
+    /// The wavelet of the terms: haar, 5/3 or 9/7 [default: that of the patterns, or haar]. Few terms of haar say most: see `relume
+    /// evaluate implicit`.
     #[arg(long, value_name = "WAVELET", value_parser = values::wavelet)]
     basis: Option<Wavelet>,
     /// Whether a pixel gets fewer terms where more would model noise [default: on].
