@@ -282,7 +282,7 @@ fn the_command_line_makes_the_same_picture() {
             for (output, show) in [("composite", Show::Composite), ("element", Show::Element)] {
                 Shot { place, look, beyond, show }.set(instance);
                 let made = instance.render(&RenderArgs::default()).unwrap();
-                let flags = ["--place", "6.5,-3,0.75,20", "--exposure", "-0.5", "--ambient", "0.25", "--view", "60"];
+                let flags = ["--place", "6.5,3,0.75,20", "--exposure", "-0.5", "--ambient", "0.25", "--view", "60"];
                 let mut command = std::process::Command::new(relume_tests::relume());
                 command.current_dir(props.folder.path()).args(["matte", "glass.rfield", "--plate", "plate.exr"]);
                 command.args(flags).args(["--beyond", name, "--output", output, "-o", "out.exr"]);

@@ -68,6 +68,12 @@ impl Behind {
         }
     }
 
+    /// Pixels that see some of the screen and some of the object: each with the texels, and how much of them it sees.
+    pub fn edges(&self) -> impl Iterator<Item = (usize, Vec<(u32, f32)>)> + '_ {
+        let edge = |seen: &Seen| seen.texels.iter().map(|(texel, share)| (*texel, seen.through * share)).collect();
+        self.pixels.iter().filter(|seen| seen.through < 1.0).map(move |seen| (seen.pixel, edge(seen)))
+    }
+
     /// How bright the white screen is to the camera, RGB: the median over pixels that see nothing else, of a photograph under
     /// white, black subtracted.
     ///

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use relume_core::acquire::implicit::{Dictionary, Options, Solver, Solving, Stop, TILE_ROWS};
+use relume_core::acquire::implicit::{Dictionary, Edges, Options, Solver, Solving, Stop, TILE_ROWS};
 use relume_core::field::{self, Access, Asset, Contents, Precision, TILES, TermBasis};
 use relume_core::image::Image;
 use relume_core::wavelet::Wavelet;
@@ -96,6 +96,11 @@ impl ImplicitPack<'_> {
         let step = &mut |done, all| progress.step(done, all);
         let mut gathered = self.photographs.gathered(self.list, output, &take_out, step)?;
         drop(progress);
+        let mut progress = Progress::new("soft edges", Unit::Steps);
+        let of_edges = (self.ready.edges(), &self.emitted.patterns[..]);
+        let step = &mut |done, all| progress.step(done, all);
+        let edges = Edges::measured(&solver, &mut gathered, size, of_edges, step)?;
+        drop(progress);
         provenance.insert("terms".to_owned(), self.wanted.terms.into());
         provenance.insert("stop".to_owned(), (self.wanted.stop == Stop::On).into());
         let mut ambient = self.photographs.black().cloned();
@@ -109,10 +114,10 @@ impl ImplicitPack<'_> {
             precision: Precision::Half,
             largest: HEADROOM * gathered.largest().max(f32::MIN_POSITIVE),
             ambient,
-            alpha: self.view.alpha.clone(),
+            alpha: self.coverage(&edges),
             provenance: serde_json::Value::Object(provenance),
         };
-        let job = Job { pack: self, solver: &solver, contents };
+        let job = Job { pack: self, solver: &solver, edges: &edges, contents };
         match (&parts[..], tiles) {
             ([only], None) => job.solve(output, only.clone(), &mut gathered, None).map(|()| output.to_owned()),
             ([only], Some(_)) => {
@@ -122,12 +127,20 @@ impl ImplicitPack<'_> {
             (parts, _) => job.in_parts(output, parts, all, &mut gathered).map(|()| output.to_owned()),
         }
     }
+
+    /// Alpha less what more is seen of the screen.
+    fn coverage(&self, edges: &Edges) -> Option<Vec<f32>> {
+        let more = |pixel: usize| edges.more(pixel).iter().map(|(_, share)| share).sum::<f32>();
+        let alpha = self.view.alpha.as_ref()?;
+        Some(alpha.iter().enumerate().map(|(pixel, alpha)| (alpha - more(pixel)).clamp(0.0, 1.0)).collect())
+    }
 }
 
 /// A field being solved.
 struct Job<'a> {
     pack: &'a ImplicitPack<'a>,
     solver: &'a Solver,
+    edges: &'a Edges,
     contents: Contents,
 }
 
@@ -148,7 +161,7 @@ impl Job<'_> {
         let (width, size) = (contents.width, self.pack.photographs.size());
         let wanted = |x: usize, y: usize| self.pack.view.covered(y * width + x);
         let step = &mut |done, all| progress.step(done, all);
-        let mut bands = Solving::new(self.solver, gathered, (size, tiles), &wanted, step)?;
+        let mut bands = Solving::new(self.solver, gathered, (size, tiles), (&wanted, self.edges), step)?;
         let wavelet = self.solver.dictionary().transform().wavelet();
         field::write_terms(path, &contents, (TermBasis::Wavelet(wavelet), Some(self.pack.wanted.terms)), &mut bands)
     }

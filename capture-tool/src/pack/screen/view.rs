@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use relume_core::Result;
+use relume_core::acquire::implicit::Edge;
 use relume_core::domain::{Correspondence, Domain, Plane};
 use relume_core::image::Image;
 use relume_core::matte::Behind;
@@ -82,6 +83,13 @@ impl Ready {
             behind.take_out(photograph, emitted, white);
         }
         self.in_units(photograph);
+    }
+
+    /// Pixels that see some of the screen itself, beside the object.
+    pub fn edges(&self) -> Vec<Edge> {
+        let (Some(behind), Some(white)) = (&self.behind, &self.white) else { return Vec::new() };
+        let relative = |pixel: usize| std::array::from_fn(|c| white.data()[3 * pixel + c] / self.unit[c]);
+        behind.edges().map(|(pixel, texels)| Edge { pixel, texels, white: relative(pixel) }).collect()
     }
 
     /// Light in units of the white screen.

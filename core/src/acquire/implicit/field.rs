@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Scratch, Solver, Terms};
+use super::{Edges, Scratch, Solver, Terms};
 use crate::acquire::Photographs;
 use crate::error::{Error, Result};
 use crate::field::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Bands, BlockTerms, TermBands};
@@ -19,6 +19,7 @@ pub struct Solving<'a> {
     size: (usize, usize),
     /// Is a pixel solved at all?
     wanted: &'a (dyn Fn(usize, usize) -> bool + Sync),
+    edges: &'a Edges,
     tiles: Range<usize>,
     /// Called with the tiles done and all of them.
     progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
@@ -28,7 +29,7 @@ pub struct Solving<'a> {
 
 impl<'a> Solving<'a> {
     /// The `tiles` of a picture of a size, width and height; pixels that are not `wanted` (x, y), and those of other tiles, get no
-    /// terms. `progress(tiles done, tiles)` may stop it.
+    /// terms. What `edges` see of the screen is taken out. `progress(tiles done, tiles)` may stop it.
     ///
     /// # Errors
     /// As many photographs as patterns; tiles that there are not.
@@ -36,7 +37,7 @@ impl<'a> Solving<'a> {
         solver: &'a Solver,
         photographs: &'a mut Photographs,
         (size, tiles): ((usize, usize), Range<usize>),
-        wanted: &'a (dyn Fn(usize, usize) -> bool + Sync),
+        (wanted, edges): (&'a (dyn Fn(usize, usize) -> bool + Sync), &'a Edges),
         progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
     ) -> Result<Self> {
         let (patterns, all) = (solver.dictionary().patterns(), size.1.div_ceil(TILE_ROWS));
@@ -48,7 +49,7 @@ impl<'a> Solving<'a> {
             let found = format!("tiles {} to {}", tiles.start + 1, tiles.end);
             return Err(Error::invalid("implicit sampling", found, format!("some of 1 to {all}")));
         }
-        Ok(Self { solver, photographs, size, wanted, tiles, progress, row: Vec::new() })
+        Ok(Self { solver, photographs, size, wanted, edges, tiles, progress, row: Vec::new() })
     }
 
     /// Solves a row of blocks.
@@ -58,7 +59,7 @@ impl<'a> Solving<'a> {
         let of_block = 3 * patterns * BLOCK_PIXELS;
         let mut responses = vec![0.0f32; columns * of_block];
         self.photographs.fill(by, 0..columns, &mut responses)?;
-        let (solver, wanted, (width, height)) = (self.solver, self.wanted, self.size);
+        let (solver, wanted, edges, (width, height)) = (self.solver, self.wanted, self.edges, self.size);
         let pixel = |(scratch, response): &mut (Scratch, Vec<f32>), at: usize| {
             let (bx, k) = (at / BLOCK_PIXELS, at % BLOCK_PIXELS);
             let (x, y) = (bx * BLOCK_WIDTH + k % BLOCK_WIDTH, by * BLOCK_HEIGHT + k / BLOCK_WIDTH);
@@ -66,6 +67,7 @@ impl<'a> Solving<'a> {
             if x < width && y < height && wanted(x, y) {
                 response.clear();
                 response.extend(responses[bx * of_block + k..][..of_block - k].iter().step_by(BLOCK_PIXELS));
+                edges.take_out(y * width + x, response);
                 solver.solve(scratch, response, None, &mut terms);
             }
             terms

@@ -35,11 +35,14 @@
 //! | `solver` | one pixel: from its answers to its terms |
 //! | `grow` | the tree, with its basis |
 //! | `delete` | least squares, and the terms that are not worth keeping |
+//! | `field` | all pixels, a row of blocks at a time |
+//! | `edges` | pixels that see some of the screen itself |
 //! | `kernels` | the loops over patterns |
 //! | `plain` | the same in plain double precision: the oracle |
 
 mod delete;
 mod dictionary;
+mod edges;
 mod field;
 mod grow;
 mod kernels;
@@ -49,6 +52,7 @@ mod solver;
 use std::str::FromStr;
 
 pub use dictionary::Dictionary;
+pub use edges::{Edge, Edges};
 pub use field::{Solving, TILE_ROWS};
 pub use plain::solve_plainly;
 pub use solver::{Scratch, Solver};
