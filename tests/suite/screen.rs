@@ -114,11 +114,14 @@ fn a_relit_picture_is_held_against_its_photograph() {
         .replace("= 48", "= 16")
         .replace("[camera]", "squares = 16\n[camera]")
         .replace("\"ramp\", ", "")
-        .replace("width = 96\nheight = 72", "width = 64\nheight = 48");
+        .replace("width = 96\nheight = 72", "width = 144\nheight = 108");
     let capture = Capture::with(&rig);
     let picture = capture.path("colours.png");
-    let colours =
-        Image::from_fn(16, 16, |x, y| [0.1 + x as f32 / 20.0, 0.9 - y as f32 / 20.0, ((x ^ y) & 4) as f32 / 4.0]);
+    // Soft: the camera, which sees the screen at three pixels a texel, is what tells its light.
+    let colours = Image::from_fn(16, 16, |x, y| {
+        let wave = 0.5 + 0.4 * (0.4 * x as f32 + 0.3 * y as f32).sin();
+        [0.1 + x as f32 / 20.0, 0.9 - y as f32 / 20.0, wave]
+    });
     write(&picture, &colours, EncodeOptions::default()).unwrap();
     succeed(&mut capture.begin("s", &["--sampler", "scan"]));
     succeed(&mut capture.begin("bare", &["--bare"]));
@@ -135,7 +138,7 @@ fn a_relit_picture_is_held_against_its_photograph() {
     succeed(capture.resume("bare", &["--reference"]).arg(&picture));
     let said = succeed(&mut report("a.rfield", "r"));
     let rows: Value = serde_json::from_str(&fs::read_to_string(capture.path("r/errors.json")).unwrap()).unwrap();
-    for (pixels, most) in [("object", 0.06), ("all", 0.03)] {
+    for (pixels, most) in [("object", 0.08), ("all", 0.04)] {
         let error = rows[0][pixels]["relative_l2"].as_f64().unwrap();
         assert!(error < most, "{pixels}: {error}: {said}");
     }

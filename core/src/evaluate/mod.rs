@@ -9,7 +9,7 @@
 //! | [`sliver`] | a turning sliver of light: a column of the picture over time (figures 4.17 and 4.18) |
 //! | [`compression`] | errors of reflectance functions of few wavelet coefficients |
 //! | [`explicit`] | errors of relit pictures, by the number of functions of explicit sampling (6.6.5) |
-//! | [`reference`] | relit pictures against photographs under the same picture on a screen (6.3) |
+//! | [`mod@reference`] | relit pictures against photographs under the same picture on a screen (6.3) |
 //! | [`implicit`] | errors of implicit sampling, by terms and patterns (figure 6.30) |
 //! | `relit` | errors of relit pictures, by lamps left out |
 //! | `representations` | errors of relit pictures, by compact representations |

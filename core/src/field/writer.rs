@@ -114,11 +114,11 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
     })
 }
 
-/// Writes a container of pictures under wavelets that a screen showed, at these locations, as [`write`]: `C_j = T s_j` where
+/// Writes a container of pictures under wavelets that a screen showed, at these locations, as [`write()`]: `C_j = T s_j` where
 /// the others have `T_j`. Halves.
 ///
 /// # Errors
-/// As [`write`]; a domain that is no screen; a wavelet that cannot be mirrored.
+/// As [`write()`]; a domain that is no screen; a wavelet that cannot be mirrored.
 pub fn write_explicit(
     path: &Path,
     contents: &Contents,
@@ -144,7 +144,7 @@ pub fn write_explicit(
     })
 }
 
-/// Writes a container of terms on a screen, each pixel its own: `T_p = sum of c_k s_k`. As [`write`]; halves, and temporary
+/// Writes a container of terms on a screen, each pixel its own: `T_p = sum of c_k s_k`. As [`write()`]; halves, and temporary
 /// files beside the container, as large as it.
 ///
 /// # Errors
