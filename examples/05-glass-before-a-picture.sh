@@ -15,7 +15,7 @@ if [[ ! -d $data/patterns ]]; then
     echo "no $data/patterns: get the photographs first (see the head of this script)"
     exit 1
 fi
-rm -rf "$out" && mkdir -p "$out"
+mkdir -p "$out"
 relume() { cargo run --quiet --release -p relume -- "$@"; }
 
 codes=(--patterns "$data/patterns" --photos "$data/photos")

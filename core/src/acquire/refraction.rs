@@ -20,6 +20,8 @@ const NEAR: f32 = 6.0;
 /// A pixel without one takes that of the nearest neighbours that have, so many pixels away at most: the rim of a glass, whose light
 /// is little.
 const REACH: usize = 6;
+/// Pixels from the rim of the patterns within which their light is not that of their inside.
+const RIM: f64 = 2.0;
 /// Shares of a pixel and its neighbours, by rows and columns apart: the binomial filter.
 const SHARES: [f32; 2] = [2.0, 1.0];
 
@@ -71,11 +73,20 @@ impl Refraction {
         for y in window.y0..window.y1 {
             for x in window.x0..window.x1 {
                 let at = [x as f64 + 0.5, y as f64 + 0.5];
-                let on_screen = correspondence.screen_of(at).iter().all(|s| (0.0..=1.0).contains(s));
-                let covered = alpha.alpha[y * decoded.size.0 + x];
                 let places = around.of(x, y);
-                // Beyond the patterns only what shows them is known to be glass.
-                let covered = if on_screen || places.is_some() { covered } else { 0.0 };
+                // Beyond the patterns, and at their rim, only what shows another place of them is known to be glass.
+                let inside = |dx: f64, dy: f64| {
+                    let seen = correspondence.screen_of([at[0] + dx, at[1] + dy]);
+                    seen.iter().all(|s| (0.0..=1.0).contains(s))
+                };
+                let well_inside = [(-RIM, -RIM), (RIM, -RIM), (-RIM, RIM), (RIM, RIM)].iter().all(|d| inside(d.0, d.1));
+                let [u, v] = correspondence.screen_of(at);
+                let straight = [u * columns as f64, v * rows as f64].map(|at| at as f32);
+                let bent = |places: &Vec<([f32; 2], f32)>| {
+                    places.iter().any(|(place, _)| (0..2).any(|i| (place[i] - straight[i]).abs() > around.near))
+                };
+                let known = well_inside || places.as_ref().is_some_and(bent);
+                let covered = if known { alpha.alpha[y * decoded.size.0 + x] } else { 0.0 };
                 let places = places.or_else(|| around.nearest(x, y));
                 let bare = alpha.bare.at(at);
                 let seen = alpha.light.pixel(x, y);

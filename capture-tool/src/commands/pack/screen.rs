@@ -33,6 +33,9 @@ use crate::progress::{Progress, Unit};
 use crate::rigs::{Condition, MonitorRig};
 use crate::session::{CaptureDescription, Description, ImportDescription, Photograph, Role, Source};
 
+/// A share of a photograph that may be clipped without a word: glints.
+const CLIPPED: f32 = 1e-3;
+
 /// Flags of screens.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Screens")]
@@ -191,6 +194,12 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
             pack.write(output, flags.tiles.clone(), keyed(provenance, records, &view, &emitted))?
         }
     };
+    if photographs.clipped() > CLIPPED {
+        note(&format!(
+            "up to {:.1} % of a photograph is clipped in every exposure of it: shorter times are wanted",
+            100.0 * photographs.clipped()
+        ));
+    }
     Ok(format!("{}\n{report}", Info::of(&Asset::open(&written, Access::Read)?).summary()))
 }
 

@@ -103,6 +103,8 @@ impl ImplicitPack<'_> {
         drop(progress);
         provenance.insert("terms".to_owned(), self.wanted.terms.into());
         provenance.insert("stop".to_owned(), (self.wanted.stop == Stop::On).into());
+        provenance.insert("basis".to_owned(), solver.dictionary().transform().wavelet().id().into());
+        provenance.insert("white".to_owned(), serde_json::json!(self.ready.unit));
         let mut ambient = self.photographs.black().cloned();
         ambient.iter_mut().for_each(|ambient| self.ready.in_units(ambient));
         let contents = Contents {

@@ -1,5 +1,7 @@
 //! Photographs as light, captured or imported, with the black one subtracted.
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use rayon::prelude::*;
 use relume_core::acquire;
 use relume_core::files::folder_of;
@@ -28,6 +30,8 @@ pub struct Photographs<'a> {
     size: (usize, usize),
     colour_space: ColourSpace,
     black: Option<Image>,
+    /// Bits of the largest share of a photograph that is clipped in all its exposures: those of positive floats rise with them.
+    clipped: AtomicU32,
 }
 
 impl<'a> Photographs<'a> {
@@ -48,7 +52,8 @@ impl<'a> Photographs<'a> {
     }
 
     fn new(records: &'a Records, light: Light<'a>, colour_space: ColourSpace) -> Result<Self> {
-        let mut photographs = Self { records, light, size: (0, 0), colour_space, black: None };
+        let clipped = AtomicU32::new(0);
+        let mut photographs = Self { records, light, size: (0, 0), colour_space, black: None, clipped };
         let first = records.of(Role::Sample).chain(records.all()).next();
         let first = first.ok_or_else(|| Error::invalid("the session", "no photograph", "at least one"))?;
         photographs.size = records.codes(first, &first.frames[0])?.0.size();
@@ -71,6 +76,11 @@ impl<'a> Photographs<'a> {
     /// S, if it was photographed.
     pub fn black(&self) -> Option<&Image> {
         self.black.as_ref()
+    }
+
+    /// The largest share of a photograph so far that every exposure clips.
+    pub fn clipped(&self) -> f32 {
+        f32::from_bits(self.clipped.load(Ordering::Relaxed))
     }
 
     /// A photograph as light, black subtracted.
@@ -116,7 +126,12 @@ impl<'a> Photographs<'a> {
 
     fn developed(&self, photograph: &Photograph) -> Result<Image> {
         let picture = match &self.light {
-            Light::Captured(developer) => developer.picture(self.records, photograph)?,
+            Light::Captured(developer) => {
+                let merged = developer.develop(self.records, photograph)?;
+                let share = merged.report.clipped_everywhere.rgb.iter().sum::<f64>() / 3.0;
+                self.clipped.fetch_max((share as f32).to_bits(), Ordering::Relaxed);
+                merged.image
+            }
             Light::Imported(encoding) => self.records.picture(photograph, *encoding)?,
         };
         if picture.size() != self.size {
