@@ -181,6 +181,9 @@ fn parts_make_the_same_field() {
     let mut beyond = tool("pack");
     beyond.arg(set.path("glass")).arg("-o").arg(set.path("p.rfield")).args(["--tiles", "7-9"]);
     refuse(&mut beyond, &["7-9", "8 tiles"]);
+    let mut bare = tool("pack");
+    bare.arg(set.path("glass")).arg("-o").arg(set.path("p.rfield")).arg("--bare").arg(set.path("glass"));
+    refuse(&mut bare, &["the object in it", "relume capture --bare"]);
 }
 
 #[test]

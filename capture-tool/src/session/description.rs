@@ -50,6 +50,20 @@ pub struct CaptureDescription {
     pub rig: RigFile,
 }
 
+impl CaptureDescription {
+    /// Refuses a session that has the object in it where the bare screen is wanted; `place` names it.
+    ///
+    /// # Errors
+    /// That.
+    pub fn check_bare(&self, place: &Path) -> Result<()> {
+        if self.sampler == "bare" {
+            return Ok(());
+        }
+        let found = format!("a session of --sampler {}, with the object in it", self.sampler);
+        Err(Error::invalid(place.display().to_string(), found, "one of the bare screen: `relume capture --bare`"))
+    }
+}
+
 /// An import.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

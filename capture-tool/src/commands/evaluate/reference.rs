@@ -19,7 +19,7 @@ use crate::commands::calibrate::Captured;
 use crate::new_folder::{self, NewFolder};
 use crate::progress::{Progress, Unit};
 use crate::rigs::Condition;
-use crate::session::{Photograph, Role};
+use crate::session::{Description, Photograph, Role, Source};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -89,6 +89,9 @@ impl Arguments {
             let found = "a field that does not know where its pixels look";
             return Err(Error::invalid(self.field.display().to_string(), found, expected).into());
         };
+        if let Source::Capture(capture) = Description::read(&self.bare)?.source {
+            capture.check_bare(&self.bare)?;
+        }
         let (with, without) = (Shown::open(&self.session)?, Shown::open(&self.bare)?);
         let white = without.find(Role::AllLit, &Condition::White { stop: 0 })?;
         let bare = BareScreen::new(without.lit(white)?, correspondence, field.plane())?;

@@ -320,6 +320,7 @@ fn bare_white(session: &Path) -> anyhow::Result<Image> {
     let Source::Capture(capture) = Description::read(session)?.source else {
         anyhow::bail!("{place}: an import; --bare wants a session of `relume capture --bare`");
     };
+    capture.check_bare(session)?;
     let records = Records::read(session)?;
     let developer = Developer::new(&records, &capture.rig.camera)?;
     let photographs = Photographs::captured(&records, &developer)?;

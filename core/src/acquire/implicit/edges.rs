@@ -189,3 +189,45 @@ impl Edges {
 fn dot(a: &[f32], b: &[f32]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::acquire::implicit::{Dictionary, Options};
+    use crate::domain::Plane;
+    use crate::domain::patterns::{Kind, Noise, PatternSet};
+    use crate::image::Image;
+    use crate::wavelet::Wavelet;
+
+    /// A pixel that sees 0.35 and 0.1 of two texels beside a smooth answer of the object; stripes had told 0.2 and 0.2.
+    #[test]
+    fn what_stripes_missed_of_the_screen_is_found() {
+        let (plane, size, pixel) = (Plane::new(16, 16).unwrap(), (16, 8), (3, 2));
+        let noise = Noise { wavelet: Wavelet::Haar, count: 128, seed: 3, deviation: Noise::DEVIATION };
+        let set = PatternSet::new(Kind::Noise(noise), plane).unwrap();
+        let patterns: Vec<Pattern> = (0..set.len()).map(|n| set.pattern(n)).collect();
+        let dictionary = Dictionary::new(&plane.transform(Wavelet::Haar).unwrap(), &patterns).unwrap();
+        let solver = Solver::new(Arc::new(dictionary), Options { terms: 24, ..Options::default() }).unwrap();
+        let smooth = |texel: usize| 0.002 * (1.0 + plane.place(texel).0 as f32 / 16.0);
+        let (seen, told) = ([(37, 0.35), (38, 0.1)], [(37, 0.2), (38, 0.2)]);
+        let white = [1.0, 0.9, 0.8];
+        let mut photographs = Photographs::new(size.0, size.1, std::path::Path::new("."));
+        for pattern in &patterns {
+            let object: f32 = pattern.values.iter().enumerate().map(|(texel, light)| smooth(texel) * light).sum();
+            let screen: f32 = (0..2).map(|n| (seen[n].1 - told[n].1) * pattern.values[seen[n].0 as usize]).sum();
+            let answer = white.map(|white| object + white * screen);
+            let picture = Image::from_fn(size.0, size.1, |x, y| if (x, y) == pixel { answer } else { [0.0; 3] });
+            photographs.push(picture).unwrap();
+        }
+        let edge = Edge { pixel: pixel.1 * size.0 + pixel.0, texels: told.to_vec(), white };
+        let at = edge.pixel;
+        let told_of = &mut |_, _| Ok(());
+        let edges = Edges::measured(&solver, &mut photographs, size, (vec![edge], &patterns), told_of).unwrap();
+        for ((_, more), (seen, told)) in edges.more(at).iter().zip(seen.iter().zip(&told)) {
+            assert!((more - (seen.1 - told.1)).abs() < 0.01, "{more} more of {} where {} was told", seen.1, told.1);
+        }
+        assert_eq!((edges.more(at).len(), edges.more(at + 1).len()), (2, 0));
+    }
+}
