@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.json", conflicts_with = "bare")]
     screen: Option<PathBuf>,
     /// The folder of the backdrops' photographs without the object: triangulation in place of stripes.
-    #[arg(long, value_name = "DIR", requires = "photos", conflicts_with = "patterns")]
+    #[arg(long, value_name = "DIR", requires = "photos", conflicts_with_all = ["patterns", "session"])]
     bare: Option<PathBuf>,
     /// The picture to write.
     #[arg(short, long, value_name = "IMG")]
