@@ -17,8 +17,8 @@ pub const VERSION: [u32; 2] = [2, 1];
 const OLDEST: u32 = 1;
 /// Rows or columns beyond this are taken for corruption: no camera comes near.
 const LARGEST_SIDE: usize = 1 << 17;
-/// Lamps beyond this are taken for corruption.
-const MOST_ELEMENTS: usize = 1 << 20;
+/// Lamps, or texels of a screen, beyond this are taken for corruption.
+pub const MOST_ELEMENTS: usize = 1 << 20;
 
 /// How numbers of `T` are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

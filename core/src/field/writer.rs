@@ -13,7 +13,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
-use super::manifest::{self, FORMAT, Manifest, Precision, Representation, VERSION};
+use super::manifest::{self, FORMAT, MOST_ELEMENTS, Manifest, Precision, Representation, VERSION};
 use super::npy;
 use super::sparse::TEXELS;
 use super::terms::{COEFFICIENTS, LOCATIONS, OFFSETS, Term, TermArrays};
@@ -248,6 +248,7 @@ fn assemble(
         let found = format!("{} irradiances", contents.irradiance.len());
         return Err(Error::invalid("field", found, format!("{lamps}, one a lamp")));
     }
+    check_texels(&contents.domain)?;
     let ambient_fits = contents.ambient.as_ref().is_none_or(|s| s.size() == (width, height) && s.channels() == 3);
     let alpha_fits = contents.alpha.as_ref().is_none_or(|alpha| alpha.len() == width * height);
     if width * height == 0 || !ambient_fits || !alpha_fits {
@@ -286,6 +287,21 @@ fn assemble(
         ManuallyDrop::into_inner(out.zip).finish().map_err(|error| failed(path, error))?;
         Ok(())
     })
+}
+
+/// Refuses a screen of more texels than a container holds: who solves it should ask before the work.
+///
+/// # Errors
+/// That.
+pub fn check_texels(domain: &Domain) -> Result<()> {
+    match domain.plane() {
+        Some(plane) if plane.len() > MOST_ELEMENTS => {
+            let found = format!("{} x {} texels", plane.columns(), plane.rows());
+            let expected = format!("at most {MOST_ELEMENTS}: larger texels (several pixels of the screen each)");
+            Err(Error::invalid("the screen", found, expected))
+        }
+        _ => Ok(()),
+    }
 }
 
 /// The domain as the manifest has it.

@@ -154,6 +154,10 @@ fn screens_and_lamps_are_not_mixed_up() {
     let mut wrong = Pixels { functions: vec![vec![[1.0; 3]; 33]; SIZE.0 * SIZE.1] };
     let message = write_terms(&path, &contents(None), beyond, &mut wrong).unwrap_err().to_string();
     assert!(message.contains("location 32"), "{message}");
+    // What no reader would open is not written.
+    let vast = Contents { domain: Domain::Plane(Plane::new(2048, 1024).unwrap(), None), ..contents(None) };
+    let message = write_terms(&path, &vast, beyond, &mut Pixels::random()).unwrap_err().to_string();
+    assert!(message.contains("2048 x 1024 texels") && message.contains("larger texels"), "{message}");
     assert_eq!(open(&path).plane().size(), TEXELS, "the field that was there stays");
 }
 
