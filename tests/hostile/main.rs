@@ -69,6 +69,7 @@ fn container(path: &Path) {
         largest: 1.0,
         ambient: Some(Image::new(40, 30, 3)),
         alpha: Some(vec![1.0; 1200]),
+        reliability: None,
         provenance: serde_json::json!({"source": "test"}),
     };
     write(path, &contents, &mut Ramp).unwrap();

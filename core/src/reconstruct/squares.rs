@@ -25,9 +25,6 @@ use crate::math::{Vec3, latlong};
 /// Places along each side of a square where rays are looked at, by how many rays there are at a place: a spot's edge through a
 /// square is right to 1/64, and a large light has its own many samples.
 const LOOKS: [(usize, usize); 3] = [(2, 8), (16, 4), (usize::MAX, 2)];
-/// Radiance is integrated over the sphere of positions in a map of so many columns: 1.4 degrees, a seventh of the
-/// cells of 224 positions.
-const COLUMNS: usize = 256;
 /// Places along each side of a picture where radiance is integrated, for light that differs from point to point and for light that
 /// does not: then only the parallax between the places counts, which is smooth.
 const PLACES: [usize; 2] = [32, 8];
@@ -50,6 +47,10 @@ pub struct Squares {
 type Rgb = [f64; 3];
 
 impl Squares {
+    /// Radiance is integrated over the sphere of positions in a map of so many columns: 1.4 degrees, a seventh of the cells of 224
+    /// positions. Maps are to be averaged down to it.
+    pub const COLUMNS: usize = 256;
+
     /// Builds the structure: about a tenth of a second.
     ///
     /// # Errors
@@ -74,7 +75,7 @@ impl Squares {
 
     /// The kernels over the texels of a map.
     fn integrated(&self) -> Vec<Vec<(Vec3, f64)>> {
-        let (width, height) = (COLUMNS, COLUMNS / 2);
+        let (width, height) = (Self::COLUMNS, Self::COLUMNS / 2);
         let (domain, basis) = (self.gantry.directions(), self.reconstruction.basis());
         let texels = Texels { domain, basis, outside: self.outside, width, height, finest_rows: height };
         let mut of_sites = vec![Vec::new(); basis.len()];

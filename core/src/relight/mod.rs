@@ -110,4 +110,6 @@ impl Weights {
 }
 
 #[cfg(test)]
+mod gantry_tests;
+#[cfg(test)]
 mod tests;

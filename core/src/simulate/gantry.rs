@@ -12,7 +12,9 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f32::consts::PI;
 
+use crate::domain::{self, Filter};
 use crate::error::{Error, Result};
+use crate::math::Vec3;
 
 use super::blocks::Blocks;
 use super::camera::Camera;
@@ -82,6 +84,16 @@ impl Gantry {
     /// Its squares as grids.
     pub fn grids(&self) -> Grids {
         Grids { columns: self.squares, rows: self.squares, layers: self.positions.len() }
+    }
+
+    /// Its positions and squares as a field has them.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn domain(&self) -> Result<domain::Gantry> {
+        self.check("gantry")?;
+        let places: Vec<Vec3> = self.positions.iter().map(|place| place.cast()).collect();
+        domain::Gantry::looking_at_origin(&places, self.squares, f64::from(self.view_rad), Filter::Box)
     }
 
     /// Checks what it is made of; ask once, where the figures come in.
