@@ -11,10 +11,12 @@
 //! | [`probe`] | pictures of the surroundings in other projections, resampled and merged |
 //! | `beam` | light from one direction |
 //! | [`lighting`] | lamps that an artist sets up, as beams |
+//! | [`light_field`] | light that varies in space: spots, slides, blinds, grids of probes |
 
 mod beam;
 mod blur;
 mod env_map;
+pub mod light_field;
 pub mod lighting;
 pub mod probe;
 #[cfg(test)]
@@ -23,4 +25,5 @@ mod turn;
 
 pub use beam::Beam;
 pub use env_map::{EnvMap, MapCentre};
+pub use light_field::LightField;
 pub use lighting::Lighting;
