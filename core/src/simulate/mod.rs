@@ -6,6 +6,7 @@
 //! | `tracer` | paths, and the trait through which they hand over light |
 //! | [`Stage`], [`StageBands`] | light collected by lamp cell: `T`, band by band |
 //! | [`truth`] | light collected from maps: the picture itself |
+//! | [`lit`] | the same for light that varies in space |
 //! | [`lights`] | sky, window and strip as maps |
 //! | [`Monitor`], [`ScreenPlane`], [`Screen`] | a screen behind the scene: where it is, and what its codes emit |
 //! | [`Gantry`] | a projector carried about the scene |
@@ -35,6 +36,9 @@ mod gantry_tests;
 mod grids;
 mod lamps;
 pub mod lights;
+mod lit;
+#[cfg(test)]
+mod lit_tests;
 mod material;
 mod monitor;
 #[cfg(test)]
@@ -59,6 +63,7 @@ pub use classes::{Class, ClassMap, classes};
 pub use demo::{demo_lamps, grid_lamps};
 pub use gantry::Gantry;
 pub use grids::Grids;
+pub use lit::lit;
 pub use material::Material;
 pub use monitor::{Monitor, ScreenPlane};
 pub use rows::Rows;
