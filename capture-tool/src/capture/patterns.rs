@@ -1,10 +1,11 @@
 //! The conditions of a screen (6.3) and of a projector (7.3), in order: calibration, then for each position the black
-//! photograph, which is subtracted (7.3), the white one, and the patterns.
+//! photograph, which is subtracted (7.3), the white one, and the patterns. Horizontal and vertical sets need no white photograph: it
+//! is the sum of either set, so a position is black and 2 d n photographs (7.5).
 
 use std::collections::BTreeMap;
 
-use relume_core::domain::Plane;
 use relume_core::domain::patterns::{Element, Kind, Noise, PatternSet};
+use relume_core::domain::{Filter, Plane};
 use relume_core::{Error, Result};
 
 use super::{Step, Times};
@@ -47,16 +48,21 @@ impl Samples {
 /// # Errors
 /// Sizes that do not go together.
 pub fn sets(rig: &RigFile, samples: Samples, seed: u64) -> Result<Sets> {
-    let (plane, squares, influence) = match (&rig.monitor, &rig.gantry) {
-        (Some(MonitorRig { columns, rows, squares, .. }), _) => (Plane::new(*columns, *rows)?, *squares, 1),
-        (None, Some(GantryRig { squares, influence, .. })) => (Plane::new(*squares, *squares)?, *squares, *influence),
+    let (plane, side, influence, filter) = match (&rig.monitor, &rig.gantry) {
+        (Some(MonitorRig { columns, rows, squares, .. }), _) => {
+            (Plane::new(*columns, *rows)?, *squares, 1, Filter::Box)
+        }
+        (None, Some(gantry)) => {
+            let GantryRig { squares, influence, filter, .. } = gantry;
+            (Plane::new(gantry.pixels(), gantry.pixels())?, *squares, *influence, *filter)
+        }
         (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
     };
     let mut sets = Sets::new();
     let wavelet = || rig.monitor.as_ref().map_or("haar", |m| m.wavelet.as_str()).parse();
     let kind = match samples {
-        Samples::Squares => Some(Kind::Squares { side: squares }),
-        Samples::Crossed => Some(Kind::Crossed { side: squares, influence }),
+        Samples::Squares => Some(Kind::Squares { side, filter }),
+        Samples::Crossed => Some(Kind::Crossed { side, influence, filter }),
         Samples::Noise => {
             let count = rig.monitor.as_ref().map_or(0, |m| m.noise);
             Some(Kind::Noise(Noise { wavelet: wavelet()?, count, seed, deviation: Noise::DEVIATION }))
@@ -114,7 +120,9 @@ pub fn steps(rig: &RigFile, sets: &Sets, samples: Samples) -> Vec<Step> {
     let count = if samples == Samples::Functions { 0 } else { count };
     for stop in 0..positions {
         (0..times).for_each(|_| add(Condition::Black { stop }, Role::Black, usual()));
-        (0..times).for_each(|_| add(Condition::White { stop }, Role::AllLit, usual()));
+        if samples != Samples::Crossed {
+            (0..times).for_each(|_| add(Condition::White { stop }, Role::AllLit, usual()));
+        }
         for number in 0..count {
             let set = samples.set().to_owned();
             add(Condition::Pattern { set, number, stop }, Role::Sample, usual());

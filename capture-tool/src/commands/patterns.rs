@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use relume_core::domain::patterns::{Element, Kind, Noise, PatternSet};
-use relume_core::domain::{Bits, Emitter, EmitterCurve, Plane};
+use relume_core::domain::{Bits, Emitter, EmitterCurve, Filter, Plane};
 use relume_core::image::write_grey;
 use relume_core::wavelet::Wavelet;
 use relume_core::{Error, files};
@@ -22,6 +22,7 @@ Examples:
   relume patterns stripes -o stripes --size 1024x1024 --stripes 64
   relume patterns ramp -o ramp --size 16x16
   relume patterns hv -o hv --size 1024x768 --side 32 --influence 3
+  relume patterns hv -o hv --size 768x768 --side 16 --filter gaussian --encode projector.txt
   relume patterns noise -o noise --encode measured-gamma.txt --texel 8
 
 Each kind:
@@ -80,6 +81,9 @@ pub struct Arguments {
     /// For squares and hv: squares along each side of the picture [default: 16].
     #[arg(long, value_name = "N", value_parser = values::at_least_one)]
     side: Option<usize>,
+    /// For squares and hv: how each square falls off [default: box]; tent and gaussian want some texels a square, say four.
+    #[arg(long, value_name = "box|tent|gaussian")]
+    filter: Option<Filter>,
     /// For hv: squares from one that is lit to the next [default: 3].
     #[arg(long, value_name = "D", value_parser = values::at_least_one)]
     influence: Option<usize>,
@@ -198,6 +202,9 @@ pub struct Description {
     side: Option<usize>,
     #[serde(skip_serializing_if = "Option::is_none")]
     influence: Option<usize>,
+    /// How squares fall off, unless they are boxes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    filter: Option<Filter>,
     /// One a picture, in order.
     #[serde(default, skip_deserializing)]
     pattern: Vec<Shown>,
@@ -264,13 +271,14 @@ impl Arguments {
     /// Options that mean nothing to the kind are a misunderstanding.
     fn check_options(&self) -> anyhow::Result<()> {
         use KindChoice::{Hv, Noise, Squares, Stripes, Wavelet};
-        let given: [(&str, bool, &[KindChoice]); 7] = [
+        let given: [(&str, bool, &[KindChoice]); 8] = [
             ("--wavelet", self.wavelet.is_some(), &[Wavelet, Noise]),
             ("--count", self.count.is_some(), &[Wavelet, Noise]),
             ("--seed", self.seed.is_some(), &[Noise]),
             ("--deviation", self.deviation.is_some(), &[Noise]),
             ("--stripes", self.stripes.is_some(), &[Stripes]),
             ("--side", self.side.is_some(), &[Squares, Hv]),
+            ("--filter", self.filter.is_some(), &[Squares, Hv]),
             ("--influence", self.influence.is_some(), &[Hv]),
         ];
         let name = |kind: &KindChoice| kind.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
@@ -286,7 +294,7 @@ impl Arguments {
 
     fn kind(&self) -> Kind {
         let wavelet = self.wavelet.unwrap_or(Wavelet::Haar);
-        let side = self.side.unwrap_or(SIDE);
+        let (side, filter) = (self.side.unwrap_or(SIDE), self.filter.unwrap_or_default());
         match self.kind {
             KindChoice::Wavelet => Kind::Wavelet(wavelet),
             KindChoice::Noise => Kind::Noise(Noise {
@@ -298,8 +306,8 @@ impl Arguments {
             KindChoice::Stripes => Kind::Stripes(self.stripes),
             KindChoice::GrayCode => Kind::GrayCode,
             KindChoice::Ramp => Kind::Ramp,
-            KindChoice::Squares => Kind::Squares { side },
-            KindChoice::Hv => Kind::Crossed { side, influence: self.influence.unwrap_or(INFLUENCE) },
+            KindChoice::Squares => Kind::Squares { side, filter },
+            KindChoice::Hv => Kind::Crossed { side, influence: self.influence.unwrap_or(INFLUENCE), filter },
         }
     }
 }
@@ -364,7 +372,8 @@ impl Plan {
 
     fn description(&self, pattern: Vec<Shown>) -> Description {
         let (columns, rows) = self.set.plane().size();
-        let (mut wavelet, mut seed, mut deviation, mut side, mut influence) = (None, None, None, None, None);
+        let (mut wavelet, mut seed, mut deviation, mut side, mut influence, mut filter) =
+            (None, None, None, None, None, None);
         match self.set.kind() {
             Kind::Wavelet(w) | Kind::Shifted(w) => wavelet = Some(w.id().to_owned()),
             Kind::Noise(noise) => {
@@ -372,8 +381,10 @@ impl Plan {
                 seed = Some(noise.seed);
                 deviation = Some(noise.deviation);
             }
-            Kind::Squares { side: n } => side = Some(n),
-            Kind::Crossed { side: n, influence: d } => (side, influence) = (Some(n), Some(d)),
+            Kind::Squares { side: n, filter: f } => (side, filter) = (Some(n), Some(f)),
+            Kind::Crossed { side: n, influence: d, filter: f } => {
+                (side, influence, filter) = (Some(n), Some(d), Some(f));
+            }
             Kind::Stripes(_) | Kind::GrayCode | Kind::Ramp => {}
         }
         Description {
@@ -390,6 +401,7 @@ impl Plan {
             deviation,
             side,
             influence,
+            filter: filter.filter(|f| *f != Filter::Box),
             pattern,
         }
     }
@@ -423,8 +435,10 @@ mod tests {
             (EmitterCurve::Linear, Bits::Sixteen, (64, 32))
         );
         let kind = |line: &str| parse(line).unwrap().plan().unwrap().set.kind();
-        assert_eq!(kind("hv --side 8 --influence 4"), Kind::Crossed { side: 8, influence: 4 });
-        assert_eq!(kind("squares"), Kind::Squares { side: 16 });
+        assert_eq!(kind("hv --side 8 --influence 4"), Kind::Crossed { side: 8, influence: 4, filter: Filter::Box });
+        assert_eq!(kind("squares"), Kind::Squares { side: 16, filter: Filter::Box });
+        let gaussian = Kind::Crossed { side: 16, influence: 3, filter: Filter::Gaussian };
+        assert_eq!(kind("hv --filter gaussian"), gaussian);
         assert_eq!(kind("stripes --stripes 64"), Kind::Stripes(Some(64)));
         let plan = parse("wavelet --count 100000 --size 8x8").unwrap().plan().unwrap();
         assert_eq!(plan.count, plan.set.len());
@@ -436,6 +450,9 @@ mod tests {
             ("stripes --seed 3", "--seed is for noise, and has no meaning for stripes"),
             ("gray-code --count 3", "--count is for wavelet and noise"),
             ("squares --influence 3", "--influence is for hv"),
+            ("noise --filter tent", "--filter is for squares and hv"),
+            ("hv --filter tent --influence 1", "2 to 16"),
+            ("squares --filter tent --size 16x16", "32 texels or more"),
             ("ramp --encode gamma.txt", "shows every code as it is"),
             ("noise --encode gama", "neither linear nor srgb"),
             ("noise --deviation 0.7", "at most 0.5"),

@@ -4,14 +4,16 @@ use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
-use relume_core::domain::EmitterCurve;
+use relume_core::domain::{EmitterCurve, Filter};
 use relume_core::files::folder_of;
 use relume_core::wavelet::Wavelet;
 use relume_core::{Error, Result};
 
-use super::file::{EmitterChoice, Kind, RigFile};
+use super::file::{EmitterChoice, GantryRig, Kind, RigFile};
 use crate::session::one_line;
 
+/// Pixels along a side of what projectors show: those of the largest there are.
+const MOST_PIXELS: usize = 4096;
 /// Version of rig files.
 const VERSION: u32 = 1;
 
@@ -231,11 +233,40 @@ impl RigFile {
             self.check_refresh(place, monitor.refresh_hz)?;
         }
         if let Some(gantry) = &self.gantry {
-            in_range(place, &[("squares", gantry.squares, 1..=256), ("influence", gantry.influence, 1..=256)])?;
+            in_range(place, &[("squares", gantry.squares, 1..=256), ("texels", gantry.texels, 1..=64)])?;
+            check_squares(place, gantry)?;
             in_range(place, &[("distance", gantry.distance, 0.1..=1e4), ("view_deg", gantry.view_deg, 0.1..=170.0)])?;
         }
         Ok(())
     }
+}
+
+/// The squares of a projector: what can be lit together, and drawn.
+fn check_squares(place: &str, gantry: &GantryRig) -> Result<()> {
+    let GantryRig { squares, influence, filter, texels, .. } = *gantry;
+    if filter != Filter::Box && texels < 2 {
+        let expected = format!("2 or more, say 4, pixels along a square of filter = \"{}\"", filter.id());
+        return refuse(place, "texels", texels.to_string(), &expected);
+    }
+    if gantry.pixels() > MOST_PIXELS {
+        let found = format!("{squares} squares of {texels} texels");
+        return refuse(place, "texels", found, &format!("{MOST_PIXELS} projector pixels a side at most"));
+    }
+    if !(1..=squares).contains(&influence) {
+        let expected =
+            format!("1 to {squares}, the squares along a side: every so many of them are lit together (7.5)");
+        return refuse(place, "influence", influence.to_string(), &expected);
+    }
+    let least = (2.0 * filter.reach()).ceil() as usize;
+    if influence < least {
+        let expected = format!(
+            "{least} or more: squares of filter = \"{}\" reach {} squares to either side, and those lit together must not overlap",
+            filter.id(),
+            filter.reach()
+        );
+        return refuse(place, "influence", influence.to_string(), &expected);
+    }
+    Ok(())
 }
 
 fn refuse(place: &str, key: &str, found: String, expected: &str) -> Result<()> {

@@ -1,5 +1,6 @@
 //! Rig files: what stands on set, in TOML. Every key is explained in `presets/rigs/virtual-stage.toml`.
 
+use relume_core::domain::Filter;
 use serde::{Deserialize, Serialize};
 
 use super::lamps::Lamps;
@@ -126,6 +127,12 @@ pub struct GantryRig {
     /// Of the separable scheme: every so many squares of a row or column are lit together.
     #[serde(default = "four")]
     pub influence: usize,
+    /// How each square falls off: box, tent or gaussian (7.3).
+    #[serde(default)]
+    pub filter: Filter,
+    /// Pixels of the projector along each side of a square, as patterns are drawn.
+    #[serde(default = "one_texel")]
+    pub texels: usize,
     /// From the object to the projector, scene units.
     pub distance: f64,
     /// Width of the projector's picture, degrees.
@@ -141,6 +148,13 @@ pub struct GantryRig {
     pub curve: EmitterChoice,
     /// Where the projector goes.
     pub positions: Lamps,
+}
+
+impl GantryRig {
+    /// Pixels along each side of the patterns.
+    pub fn pixels(&self) -> usize {
+        self.squares * self.texels
+    }
 }
 
 /// What an emitter makes of codes: it is inverted before patterns are shown (6.3).
@@ -319,6 +333,10 @@ pub struct SensorSettings {
     /// Its curve.
     #[serde(default)]
     pub response: SensorResponseChoice,
+}
+
+fn one_texel() -> usize {
+    1
 }
 
 fn one() -> u64 {

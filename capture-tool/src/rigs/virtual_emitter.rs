@@ -122,8 +122,10 @@ fn pattern_codes(set: &PatternSet, number: usize, assumed: &Emitter) -> Vec<[u8;
 impl Rig for VirtualEmitter {
     fn preflight(&mut self) -> Vec<Finding> {
         let grids = self.rows.grids();
-        let text = match self.rig.gantry {
-            Some(_) => format!("projector: virtual, {} positions of {} x {}", grids.layers, grids.columns, grids.rows),
+        let text = match &self.rig.gantry {
+            Some(GantryRig { squares, .. }) => {
+                format!("projector: virtual, {} positions of {squares} x {squares} squares", grids.layers)
+            }
             None => format!("screen: virtual, {} x {} texels", grids.columns, grids.rows),
         };
         vec![Finding::fine(text)]
@@ -160,8 +162,9 @@ pub fn cached(rig: &RigFile, bare: bool) -> Result<PathBuf> {
             };
             format!("monitor {} {}{scene}", monitor.columns, monitor.rows)
         }
-        (None, Some(GantryRig { squares, distance, view_deg, positions, .. })) => {
-            format!("gantry {squares} {distance} {view_deg} {:?}", positions.directions())
+        (None, Some(gantry)) => {
+            let (GantryRig { distance, view_deg, positions, .. }, pixels) = (gantry, gantry.pixels());
+            format!("gantry {pixels} {distance} {view_deg} {:?}", positions.directions())
         }
         (None, None) => String::new(),
     };
@@ -203,7 +206,7 @@ fn virtual_gantry(rig: &GantryRig, camera: Camera) -> Gantry {
         camera,
         positions: Gantry::above_table(&rig.positions.directions(), rig.distance as f32),
         view_rad: rig.view_deg.to_radians() as f32,
-        squares: rig.squares,
+        squares: rig.pixels(),
         lens_radius: LENS_RADIUS,
     }
 }

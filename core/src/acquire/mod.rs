@@ -9,6 +9,7 @@
 //! | `import_exr` | the parts or layers of an OpenEXR file -> a container |
 //! | `refraction` | codes seen through clear glass -> a place of the screen a pixel |
 //! | [`explicit`] | explicit sampling on a screen: which function next, and what it is worth (6.6) |
+//! | [`separable`] | squares of a projector one by one, from photographs of many (7.5) |
 //! | `surface` | normals and albedo from the reflectance functions |
 //! | `stereo` | photometric stereo for one pixel, shadows and highlights rejected |
 
@@ -20,6 +21,7 @@ mod measured;
 mod photographs;
 mod positions;
 mod refraction;
+pub mod separable;
 mod stereo;
 mod surface;
 

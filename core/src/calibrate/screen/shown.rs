@@ -60,8 +60,8 @@ fn binary(light: &f32) -> Option<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::Plane;
     use crate::domain::patterns::{Kind, PatternSet};
+    use crate::domain::{Filter, Plane};
 
     #[test]
     fn patterns_are_known_by_what_they_show() {
@@ -79,7 +79,7 @@ mod tests {
         let ramp = PatternSet::new(Kind::Ramp, plane).unwrap();
         let of = |code| Shown::of(&ramp.pattern(code));
         assert_eq!([of(0), of(128), of(255)], [Shown::Black, Shown::Other, Shown::White]);
-        let squares = PatternSet::new(Kind::Squares { side: 2 }, plane).unwrap();
+        let squares = PatternSet::new(Kind::Squares { side: 2, filter: Filter::Box }, plane).unwrap();
         assert_eq!(Shown::of(&squares.pattern(0)), Shown::Other);
     }
 }

@@ -4,28 +4,36 @@
 //! square answers is compact, so those lit together hardly meet, and `L(x, y) = min(H(x, y mod d), V(y, x mod d))` (7.1). 2 n d
 //! photographs stand for n^2.
 
-use super::squares::light;
-use super::{Element, Series, check_parts};
-use crate::domain::Plane;
+use super::squares::Squares;
+use super::{Element, Series};
+use crate::domain::{Filter, Plane};
 use crate::error::{Error, Result};
 
 #[derive(Debug)]
 pub(super) struct Crossed {
-    plane: Plane,
+    squares: Squares,
     side: usize,
     influence: usize,
 }
 
 impl Crossed {
     /// # Errors
-    /// More squares than texels; an influence of zero, or beyond the number of squares.
-    pub fn new(side: usize, influence: usize, plane: Plane) -> Result<Self> {
-        check_parts("squares along each side", side, plane)?;
-        if !(1..=side).contains(&influence) {
-            let expected = format!("1 to {side}, the number of squares along a side");
+    /// Squares that the plane does not have; an influence of zero, beyond the number of squares, or so small that squares that are
+    /// lit together overlap.
+    pub fn new(side: usize, influence: usize, filter: Filter, plane: Plane) -> Result<Self> {
+        let squares = Squares::new(side, filter, plane)?;
+        // A square reaches so far to either side; the next begins where it ends.
+        let least = (2.0 * filter.reach()).ceil() as usize;
+        if !(least.min(side)..=side).contains(&influence) {
+            let why = if least > 1 {
+                format!(": {} squares reach into their neighbours", filter.id())
+            } else {
+                String::new()
+            };
+            let expected = format!("{} to {side}, the number of squares along a side{why}", least.min(side));
             return Err(Error::invalid("the influence of a square", influence.to_string(), expected));
         }
-        Ok(Self { plane, side, influence })
+        Ok(Self { squares, side, influence })
     }
 
     /// The column or row, the offset, and whether it is of the horizontal set.
@@ -48,11 +56,11 @@ impl Series for Crossed {
     }
 
     fn values(&self, n: usize) -> Vec<f32> {
-        let mut values = vec![0.0; self.plane.len()];
+        let mut values = self.squares.dark();
         let (line, offset, horizontal) = self.line(n);
         for along in (offset..self.side).step_by(self.influence) {
             let (column, row) = if horizontal { (line, along) } else { (along, line) };
-            light(&mut values, self.plane, self.side, column, row);
+            self.squares.light(&mut values, column, row);
         }
         values
     }

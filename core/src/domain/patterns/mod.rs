@@ -11,7 +11,7 @@
 //! | `stripes` | ever finer stripes: the matte; 64 of them: the screen in the camera's pixels | 6.6.4, 6.3 |
 //! | `gray_code` | the place on the screen that a pixel sees | 6.3 |
 //! | `ramp` | every code once: the curve of the emitter | 6.3 |
-//! | `squares` | one square of a projector after another | 7.3 |
+//! | `squares` | one square of a projector after another, filtered | 7.3 |
 //! | `shown` | back from a picture that was shown to its light | |
 //! | `crossed` | horizontal and vertical sets of squares | 7.5 |
 
@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use super::{Emitter, Plane};
+use super::{Emitter, Filter, Plane};
 use crate::error::{Error, Result};
 use crate::wavelet::{Orientation, Place, Wavelet};
 
@@ -57,6 +57,8 @@ pub enum Kind {
     Squares {
         /// Squares along each side of the picture.
         side: usize,
+        /// How each falls off.
+        filter: Filter,
     },
     /// Every `influence`-th square of a column, then of a row.
     Crossed {
@@ -64,6 +66,8 @@ pub enum Kind {
         side: usize,
         /// d: squares from one that is lit to the next.
         influence: usize,
+        /// How each falls off.
+        filter: Filter,
     },
 }
 
@@ -286,8 +290,10 @@ impl PatternSet {
             Kind::Stripes(count) => Arc::new(stripes::Stripes::new(count, plane)?),
             Kind::GrayCode => Arc::new(gray_code::GrayCode::new(plane)),
             Kind::Ramp => Arc::new(ramp::Ramp::new(plane)),
-            Kind::Squares { side } => Arc::new(squares::Squares::new(side, plane)?),
-            Kind::Crossed { side, influence } => Arc::new(crossed::Crossed::new(side, influence, plane)?),
+            Kind::Squares { side, filter } => Arc::new(squares::Squares::new(side, filter, plane)?),
+            Kind::Crossed { side, influence, filter } => {
+                Arc::new(crossed::Crossed::new(side, influence, filter, plane)?)
+            }
         };
         if series.len() == 0 {
             let found = format!("{} x {} texels", plane.columns(), plane.rows());
