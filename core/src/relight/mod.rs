@@ -11,6 +11,7 @@
 //! | `sparse` | the gather from a transformed light |
 //! | `strips` | pictures made row of blocks by row of blocks, on all threads |
 //! | `look` | what a user can turn |
+//! | `adjoint` | `T^T c`: the same loops the other way |
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
 //! | `choice` | which of an asset's representations is used |
@@ -19,6 +20,7 @@
 //! | `screen` | an asset of a screen |
 //! | `layers` | pictures that no light makes: coverage, normals, albedo, ambient |
 
+mod adjoint;
 mod apply;
 mod choice;
 mod element;
@@ -36,6 +38,7 @@ mod strips;
 use crate::field::Kind;
 use crate::image::Conversion;
 
+pub use adjoint::{Progress, adjoint, elements_of};
 pub use apply::apply;
 pub use layers::{Layer, displayed_normals};
 pub use look::Look;
