@@ -209,7 +209,7 @@ impl Sparse {
     pub fn transformed_adjoint(&self, sums: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let mut texels = sums.to_vec();
         if let Some(transform) = &self.transform {
-            transform.inverse(texels.as_flattened_mut(), CHANNELS);
+            of_pictures(transform, &mut texels, |picture| transform.inverse(picture, CHANNELS));
         }
         texels
     }
