@@ -10,11 +10,13 @@
 //! | `blur` | blurring by an angle |
 //! | [`probe`] | pictures of the surroundings in other projections, resampled and merged |
 //! | `beam` | light from one direction |
+//! | `incident` | light that may differ from point to point |
 //! | [`lighting`] | lamps that an artist sets up, as beams |
 
 mod beam;
 mod blur;
 mod env_map;
+mod incident;
 pub mod lighting;
 pub mod probe;
 #[cfg(test)]
@@ -23,4 +25,5 @@ mod turn;
 
 pub use beam::Beam;
 pub use env_map::{EnvMap, MapCentre};
+pub use incident::{Distant, Incident, Turned, flattened};
 pub use lighting::Lighting;
