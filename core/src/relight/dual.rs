@@ -136,3 +136,107 @@ impl<'a> Dual<'a> {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use super::*;
+    use crate::acquire::Photographs;
+    use crate::domain::{Directions, Filter, Gantry};
+    use crate::field::{Access, Contents, Precision, write};
+    use crate::math::Vec3;
+
+    const SIZE: (usize, usize) = (18, 11);
+
+    /// T of a pixel is `1 + element`, times the channel's number.
+    fn written(folder: &Path, domain: impl Into<Domain>, strengths: usize, black: bool) -> PathBuf {
+        let domain: Domain = domain.into();
+        let mut photographs = Photographs::new(SIZE.0, SIZE.1, folder);
+        for e in 0..domain.len() {
+            photographs
+                .push(Image::from_fn(SIZE.0, SIZE.1, |_, _| [1.0, 2.0, 3.0].map(|c| c * (1 + e) as f32)))
+                .unwrap();
+        }
+        let path = folder.join("a.rfield");
+        let contents = Contents {
+            irradiance: vec![1.0; strengths],
+            domain,
+            width: SIZE.0,
+            height: SIZE.1,
+            colour_space: Default::default(),
+            precision: Precision::Float,
+            largest: photographs.largest(),
+            ambient: black.then(|| Image::new(SIZE.0, SIZE.1, 3)),
+            alpha: None,
+            provenance: serde_json::Value::Null,
+        };
+        write(&path, &contents, &mut photographs).unwrap();
+        path
+    }
+
+    fn gantry() -> Gantry {
+        let places = [Vec3::new(0.0, 0.5, 4.0), Vec3::new(3.0, 3.0, 1.0)];
+        Gantry::looking_at_origin(&places, 4, 0.6, Filter::Box).unwrap()
+    }
+
+    #[test]
+    fn white_gives_the_sums_of_rows_of_each_position() {
+        let folder = tempfile::tempdir().unwrap();
+        let asset = Asset::open(&written(folder.path(), gantry(), 2, true), Access::Mapped).unwrap();
+        let dual = Dual::new(&asset, false).unwrap();
+        assert_eq!((dual.views(), dual.size(), dual.choose(None).unwrap()), (2, (4, 4), Kind::Dense));
+        let white = Image::from_fn(SIZE.0, SIZE.1, |_, _| [1.0; 3]);
+        let pictures = dual.pictures(&white, Kind::Dense, 0..2, &mut |_, _| Ok(())).unwrap();
+        let pixels = (SIZE.0 * SIZE.1) as f32;
+        for (position, picture) in pictures.iter().enumerate() {
+            for (x, y) in (0..4).flat_map(|y| (0..4).map(move |x| (x, y))) {
+                let t = (1 + position * 16 + y * 4 + x) as f32 * pixels;
+                assert_eq!(picture.pixel(x, y), [t, 2.0 * t, 3.0 * t]);
+            }
+        }
+        let second = dual.pictures(&white, Kind::Dense, 1..2, &mut |_, _| Ok(())).unwrap();
+        assert_eq!(second[..], pictures[1..]);
+        let message = dual.pictures(&white, Kind::Dense, 1..3, &mut |_, _| Ok(())).unwrap_err().to_string();
+        assert!(message.contains("position 3") && message.contains("1 to 2"), "{message}");
+        assert!(dual.choose(Some(Kind::Wavelet)).unwrap_err().to_string().contains("wavelet"));
+    }
+
+    /// From the middle to a place at the tangents u and v, solid angles fall with the cube of the cosine.
+    #[test]
+    fn radiance_brightens_the_corners_by_the_cube_of_the_cosine() {
+        let folder = tempfile::tempdir().unwrap();
+        let asset = Asset::open(&written(folder.path(), gantry(), 2, true), Access::Mapped).unwrap();
+        let flat = Image::from_fn(4, 4, |_, _| [1.0, 0.5, 0.0]);
+        let seen = Dual::new(&asset, false).unwrap().as_radiance(&flat).unwrap();
+        let cube = |x: f64, y: f64| {
+            let at = |n: f64| (n - 1.5) / 2.0 * 0.3f64.tan();
+            (1.0 + at(x).powi(2) + at(y).powi(2)).powf(1.5)
+        };
+        for (x, y) in [(0, 0), (3, 0), (1, 2), (3, 2)] {
+            let expected = cube(x as f64, y as f64) / cube(1.0, 1.0);
+            let pixel = seen.pixel(x, y);
+            assert!((f64::from(pixel[0]) / expected - 1.0).abs() < 2e-3, "{} is not {expected}", pixel[0]);
+            assert!((pixel[1] / pixel[0] - 0.5).abs() < 1e-6 && pixel[2] == 0.0);
+        }
+        assert_eq!(seen.pixel(2, 1)[0], 1.0);
+    }
+
+    #[test]
+    fn what_has_no_dual_is_refused_with_the_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let lamps = Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y()]).unwrap();
+        let asset = Asset::open(&written(folder.path(), lamps, 3, true), Access::Mapped).unwrap();
+        let message = Dual::new(&asset, true).unwrap_err().to_string();
+        assert!(message.contains("lamps at infinity") && message.contains("gantry"), "{message}");
+        let asset = Asset::open(&written(folder.path(), gantry(), 2, false), Access::Mapped).unwrap();
+        let message = Dual::new(&asset, false).unwrap_err().to_string();
+        assert!(message.contains("black photograph") && message.contains("--dark-room"), "{message}");
+        assert!(Dual::new(&asset, true).is_ok());
+        let screen = Domain::Plane(Plane::new(3, 2).unwrap(), None);
+        let asset = Asset::open(&written(folder.path(), screen, 0, true), Access::Mapped).unwrap();
+        let dual = Dual::new(&asset, false).unwrap();
+        assert_eq!((dual.views(), dual.size()), (1, (3, 2)));
+        assert!(dual.as_radiance(&Image::new(3, 2, 3)).unwrap_err().to_string().contains("screen"));
+    }
+}

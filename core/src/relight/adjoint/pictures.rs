@@ -82,16 +82,19 @@ pub(super) fn adjoint(
         let blocks: Vec<(usize, usize)> = (0..layout.columns()).flat_map(|bx| (0..3).map(move |c| (bx, c))).collect();
         for run in blocks.chunks(run.max(1)) {
             let shares = sums.sums.par_chunks_mut(share * lit.len()).enumerate();
-            shares.try_for_each_init(Default::default, |(buffer, floats): &mut (BlockBuffer, Vec<f32>), (n, sums)| {
-                let first = elements.start + n * share;
-                let own = first..first + sums.len() / lit.len();
-                for &(bx, c) in run {
-                    let Some(lit) = row.block(bx, c) else { continue };
-                    let block = dense.part((bx, by, c), own.clone(), buffer)?;
-                    add_dots(isa, block, lit, c, sums, floats);
-                }
-                Ok::<(), crate::error::Error>(())
-            })?;
+            shares.try_for_each_init(
+                Default::default,
+                |(buffer, floats): &mut (BlockBuffer, Vec<f32>), (n, sums)| {
+                    let first = elements.start + n * share;
+                    let own = first..first + sums.len() / lit.len();
+                    for &(bx, c) in run {
+                        let Some(lit) = row.block(bx, c) else { continue };
+                        let block = dense.part((bx, by, c), own.clone(), buffer)?;
+                        add_dots(isa, block, lit, c, sums, floats);
+                    }
+                    Ok::<(), crate::error::Error>(())
+                },
+            )?;
         }
         row_done(progress, by, layout)?;
     }

@@ -37,9 +37,8 @@ pub(super) fn adjoint(sparse: &Sparse, lit: &[&Image], progress: &mut Progress<'
         progress(end as u64, layout.rows() as u64)?;
     }
     let scale = f64::from(sparse.scale());
-    let sum = |at: usize| -> Sum {
-        std::array::from_fn(|c| tables.iter().map(|table| table[at][c]).sum::<f64>() * scale)
-    };
+    let sum =
+        |at: usize| -> Sum { std::array::from_fn(|c| tables.iter().map(|table| table[at][c]).sum::<f64>() * scale) };
     let of = |picture: usize| (0..layout.elements).map(|n| sum(picture * layout.elements + n)).collect();
     Ok((0..lit.len()).map(of).collect())
 }

@@ -11,8 +11,8 @@ use super::*;
 use crate::domain::{Directions, Domain, Filter, Gantry, Plane};
 use crate::field::compress::{Scheme, compress};
 use crate::field::{
-    Access, BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Bands, BlockTerms, Contents, Precision, TermBands, TermBasis, write,
-    write_explicit, write_terms,
+    Access, BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Bands, BlockTerms, Contents, Precision, TermBands, TermBasis,
+    write, write_explicit, write_terms,
 };
 use crate::image::Window;
 use crate::math::Vec3;
@@ -37,7 +37,8 @@ impl Bands for Formula {
         for (n, out) in blocks.iter_mut().enumerate() {
             let (k, rest) = (n % BLOCK_PIXELS, n / BLOCK_PIXELS);
             let (element, rest) = (rest % self.0, rest / self.0);
-            let (x, y) = ((columns.start + rest / 3) * BLOCK_WIDTH + k % BLOCK_WIDTH, by * BLOCK_HEIGHT + k / BLOCK_WIDTH);
+            let (x, y) =
+                ((columns.start + rest / 3) * BLOCK_WIDTH + k % BLOCK_WIDTH, by * BLOCK_HEIGHT + k / BLOCK_WIDTH);
             if x < SIZE.0 && y < SIZE.1 {
                 *out = transport(x, y, rest % 3, element);
             }
