@@ -231,6 +231,18 @@ impl Sparse {
         table
     }
 
+    /// `S m`, the adjoint of [`Sparse::transformed`]: one RGB triple a texel from one a location.
+    ///
+    /// # Panics
+    /// When there is not one triple a location.
+    pub fn transformed_adjoint(&self, sums: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let mut texels = sums.to_vec();
+        if let Some(transform) = &self.transform {
+            of_pictures(transform, &mut texels, |picture| transform.inverse(picture, CHANNELS));
+        }
+        texels
+    }
+
     /// The terms of the block in column `bx`, row `by`.
     ///
     /// # Errors

@@ -34,20 +34,20 @@ use super::{Progress, V3};
 const LATER_ACROSS: usize = 4;
 /// What mirrors and glass throw on surfaces is gathered by a lens at least this wide, as a share of its distance: rays
 /// that meet a smaller one by chance are too few, and caustics softer by 6 degrees are caustics still.
-const CAUSTIC: f32 = 0.1;
+pub(super) const CAUSTIC: f32 = 0.1;
 
 /// A projector at one position.
 #[derive(Debug, Clone, Copy)]
-struct Stand {
-    place: V3,
+pub(super) struct Stand {
+    pub place: V3,
     /// To the origin, and to the right and the top of its picture.
-    axis: V3,
-    right: V3,
-    up: V3,
+    pub axis: V3,
+    pub right: V3,
+    pub up: V3,
 }
 
 impl Stand {
-    fn new(place: V3) -> Self {
+    pub fn new(place: V3) -> Self {
         let axis = -place.normalize();
         // From straight above or below, the top of the picture is away from the camera.
         let upright = if axis.y.abs() > 0.9999 { -V3::z() } else { V3::y() };

@@ -10,6 +10,7 @@
 //! | [`lights`] | sky, window and strip as maps |
 //! | [`Monitor`], [`ScreenPlane`], [`Screen`] | a screen behind the scene: where it is, and what its codes emit |
 //! | [`Gantry`] | a projector carried about the scene |
+//! | `reverse` | the scene from the projector's side, lit by the camera |
 //! | [`Grids`], [`Rows`] | `T` of either rig: sparse, by elements and blocks of them, and its file |
 //! | [`Sensor`] | the camera's codes: response, noise, quantisation |
 //! | [`WhiteBall`], [`Card`] | calibration targets, in closed form |
@@ -43,6 +44,7 @@ mod material;
 mod monitor;
 #[cfg(test)]
 mod monitor_tests;
+mod reverse;
 mod rig_scenes;
 mod rows;
 mod rows_file;
