@@ -169,6 +169,7 @@ mod tests {
             largest: photographs.largest(),
             ambient: black.then(|| Image::new(SIZE.0, SIZE.1, 3)),
             alpha: None,
+            reliability: None,
             provenance: serde_json::Value::Null,
         };
         write(&path, &contents, &mut photographs).unwrap();

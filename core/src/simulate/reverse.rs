@@ -169,6 +169,7 @@ mod tests {
             largest: photographs.largest(),
             ambient: Some(Image::new(width, height, 3)),
             alpha: None,
+            reliability: None,
             provenance: serde_json::Value::Null,
         };
         let path = folder.join("gantry.rfield");

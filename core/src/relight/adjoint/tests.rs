@@ -84,6 +84,7 @@ fn contents(domain: impl Into<Domain>, precision: Precision) -> Contents {
         largest: 4.0,
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::Value::Null,
     }
 }
