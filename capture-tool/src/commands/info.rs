@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use clap::Args;
-use relume_core::domain::{Axis, Coverage, Domain};
+use relume_core::domain::{Axis, Coverage, Directions, Domain, Filter, Gantry};
 use relume_core::field::{Access, Asset, Kind, Layout, Precision, Representation};
 use serde::Serialize;
 
@@ -78,6 +78,19 @@ enum Emits {
         /// Is it known where on the screen each pixel looks?
         correspondence: bool,
     },
+    Projector {
+        /// Where it stood.
+        positions: usize,
+        /// Along each side of its picture.
+        squares: usize,
+        /// Across its picture.
+        view_deg: f64,
+        /// How squares fall off.
+        filter: Filter,
+        /// From the object, the nearest and the farthest position, scene units.
+        distance: [f64; 2],
+        coverage: CoverageInfo,
+    },
 }
 
 impl Emits {
@@ -88,35 +101,37 @@ impl Emits {
                 let texels = [plane.columns(), plane.rows()];
                 return Self::Screen { texels, correspondence: correspondence.is_some() };
             }
-        };
-        let (kind, half_angle_deg) = match lamps.coverage() {
-            Coverage::Sphere => ("sphere", 180.0),
-            Coverage::Cap { half_angle_rad } => ("cap", half_angle_rad.to_degrees()),
+            Domain::Gantry(gantry) => return Self::of_gantry(gantry),
         };
         let extremes = |ends: [f32; 2], e: &f32| [ends[0].min(*e), ends[1].max(*e)];
         Self::Lamps {
             lamps: lamps.len(),
             sites: lamps.sites().len(),
             axis: lamps.axis(),
-            coverage: CoverageInfo { kind, half_angle_deg, solid_angle_sr: lamps.covered_solid_angle() },
+            coverage: CoverageInfo::of(lamps),
             median_spacing_deg: lamps.median_spacing().to_degrees(),
             irradiance: asset.manifest().irradiance().iter().fold([f32::INFINITY, 0.0], extremes),
+        }
+    }
+
+    fn of_gantry(gantry: &Gantry) -> Self {
+        let distances = gantry.poses().iter().map(|pose| pose.place.norm());
+        Self::Projector {
+            positions: gantry.poses().len(),
+            squares: gantry.side(),
+            view_deg: gantry.view_rad().to_degrees(),
+            filter: gantry.filter(),
+            distance: distances.fold([f64::INFINITY, 0.0], |ends, d| [ends[0].min(d), ends[1].max(d)]),
+            coverage: CoverageInfo::of(gantry.directions()),
         }
     }
 
     /// How many, in a few words; and what they cover.
     fn words(&self) -> (String, String) {
         match self {
-            Self::Lamps { lamps, axis, coverage, .. } => {
-                let axis = match axis {
-                    Axis::Z => "+z (towards the camera)",
-                    Axis::Y => "+y (up)",
-                };
-                let covered = match coverage.kind {
-                    "sphere" => "the full sphere".to_owned(),
-                    _ => format!("a cap of {:.1} degrees about {axis}", coverage.half_angle_deg),
-                };
-                (format!("{lamps} lamps"), covered)
+            Self::Lamps { lamps, coverage, .. } => (format!("{lamps} lamps"), coverage.words()),
+            Self::Projector { positions, squares, coverage, .. } => {
+                (format!("a projector at {positions} positions, {squares} x {squares} squares"), coverage.words())
             }
             Self::Screen { texels: [columns, rows], correspondence } => {
                 let seen = if *correspondence { "known" } else { "unknown: taken to fill the picture" };
@@ -140,6 +155,15 @@ impl Emits {
                 ]
             }
             Self::Screen { .. } => vec![("emitter", format!("{many}, {covered}"))],
+            Self::Projector { view_deg, filter, distance: [near, far], coverage, .. } => {
+                let distance = if near == far { format!("{near:.3}") } else { format!("{near:.3} to {far:.3}") };
+                vec![
+                    ("emitter", many),
+                    ("coverage", format!("{covered}, {:.3} sr", coverage.solid_angle_sr)),
+                    ("distance", format!("{distance} units from the object")),
+                    ("squares", format!("{view_deg:.2} degrees across them all, {} filter", filter.id())),
+                ]
+            }
         }
     }
 }
@@ -162,6 +186,29 @@ struct CoverageInfo {
     kind: &'static str,
     half_angle_deg: f64,
     solid_angle_sr: f64,
+    #[serde(skip)]
+    axis: Axis,
+}
+
+impl CoverageInfo {
+    fn of(lamps: &Directions) -> Self {
+        let (kind, half_angle_deg) = match lamps.coverage() {
+            Coverage::Sphere => ("sphere", 180.0),
+            Coverage::Cap { half_angle_rad } => ("cap", half_angle_rad.to_degrees()),
+        };
+        Self { kind, half_angle_deg, solid_angle_sr: lamps.covered_solid_angle(), axis: lamps.axis() }
+    }
+
+    fn words(&self) -> String {
+        let axis = match self.axis {
+            Axis::Z => "+z (towards the camera)",
+            Axis::Y => "+y (up)",
+        };
+        match self.kind {
+            "sphere" => "the full sphere".to_owned(),
+            _ => format!("a cap of {:.1} degrees about {axis}", self.half_angle_deg),
+        }
+    }
 }
 
 impl<'a> Info<'a> {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Correspondence, Directions, Plane};
+use super::{Correspondence, Directions, Gantry, Plane};
 
 /// What a rig could emit: the elements of `L`, one kind of them.
 #[derive(Debug, Clone)]
@@ -11,6 +11,8 @@ pub enum Domain {
     Directions(Arc<Directions>),
     /// The texels of a screen, and where on it each pixel of the camera looks, if that is known.
     Plane(Plane, Option<Box<Correspondence>>),
+    /// The squares of a projector at many positions.
+    Gantry(Arc<Gantry>),
 }
 
 impl Domain {
@@ -20,6 +22,16 @@ impl Domain {
         match self {
             Self::Directions(lamps) => lamps.len(),
             Self::Plane(plane, _) => plane.len(),
+            Self::Gantry(gantry) => gantry.len(),
+        }
+    }
+
+    /// What people call an element, in the plural.
+    pub fn elements(&self) -> &'static str {
+        match self {
+            Self::Directions(_) => "lamps",
+            Self::Plane(..) => "texels",
+            Self::Gantry(_) => "squares",
         }
     }
 
@@ -27,7 +39,7 @@ impl Domain {
     pub fn directions(&self) -> Option<&Arc<Directions>> {
         match self {
             Self::Directions(lamps) => Some(lamps),
-            Self::Plane(..) => None,
+            Self::Plane(..) | Self::Gantry(_) => None,
         }
     }
 
@@ -35,7 +47,16 @@ impl Domain {
     pub fn plane(&self) -> Option<&Plane> {
         match self {
             Self::Plane(plane, _) => Some(plane),
+            Self::Directions(_) | Self::Gantry(_) => None,
+        }
+    }
+
+    /// The grid of one picture that a screen or projector shows.
+    pub fn picture(&self) -> Option<Plane> {
+        match self {
             Self::Directions(_) => None,
+            Self::Plane(plane, _) => Some(*plane),
+            Self::Gantry(gantry) => Some(gantry.picture()),
         }
     }
 
@@ -43,7 +64,15 @@ impl Domain {
     pub fn correspondence(&self) -> Option<&Correspondence> {
         match self {
             Self::Plane(_, correspondence) => correspondence.as_deref(),
-            Self::Directions(_) => None,
+            Self::Directions(_) | Self::Gantry(_) => None,
+        }
+    }
+
+    /// The positions and squares, of a rig with a projector.
+    pub fn gantry(&self) -> Option<&Arc<Gantry>> {
+        match self {
+            Self::Gantry(gantry) => Some(gantry),
+            Self::Directions(_) | Self::Plane(..) => None,
         }
     }
 }
@@ -57,5 +86,11 @@ impl From<Directions> for Domain {
 impl From<Arc<Directions>> for Domain {
     fn from(lamps: Arc<Directions>) -> Self {
         Self::Directions(lamps)
+    }
+}
+
+impl From<Gantry> for Domain {
+    fn from(gantry: Gantry) -> Self {
+        Self::Gantry(Arc::new(gantry))
     }
 }

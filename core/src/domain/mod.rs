@@ -7,13 +7,16 @@
 //! | `grid`, `stage_grid` | lamps on rings |
 //! | `plane` | the texels of a screen |
 //! | `correspondence` | where on a screen the pixels of a camera look |
-//! | `kind` | lamps or texels |
+//! | `gantry`, `filter` | positions and squares of a projector, and how squares fall off |
+//! | `kind` | lamps, texels or squares |
 //! | `emitter` | what light the codes of a screen or projector become |
 //! | [`patterns`] | what a screen or projector shows, set by set |
 
 mod correspondence;
 mod directions;
 mod emitter;
+mod filter;
+mod gantry;
 mod grid;
 mod kind;
 pub mod lp;
@@ -24,6 +27,8 @@ mod stage_grid;
 pub use correspondence::{Area, Correspondence, TERMS, monomials};
 pub use directions::{Axis, Coverage, Directions};
 pub use emitter::{Bits, Emitter, EmitterCurve};
+pub use filter::Filter;
+pub use gantry::{Gantry, MOST_SQUARES, Pose};
 pub use grid::LatLongGrid;
 pub use kind::Domain;
 pub use plane::Plane;

@@ -4,20 +4,20 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::domain::{self, Axis, Correspondence, Coverage, Directions, Plane};
+use crate::domain::{self, Axis, Correspondence, Coverage, Directions, Filter, Gantry, Plane, Pose};
 use crate::error::{Error, Result};
 use crate::image::ColourSpace;
 use crate::math::Vec3;
 
 /// The `format` field of every manifest.
 pub const FORMAT: &str = "relume.rfield";
-/// Major and minor version that this library writes. 2: several representations; 1, with one, is read too. 2.1: screens.
-pub const VERSION: [u32; 2] = [2, 1];
+/// Major and minor version that this library writes. 2: several representations; 1, with one, is read too. 2.1: screens. 2.2: projectors.
+pub const VERSION: [u32; 2] = [2, 2];
 /// The first major version.
 const OLDEST: u32 = 1;
 /// Rows or columns beyond this are taken for corruption: no camera comes near.
 const LARGEST_SIDE: usize = 1 << 17;
-/// Lamps, or texels of a screen, beyond this are taken for corruption.
+/// Lamps, texels of a screen, or squares of a projector at all positions, beyond this are taken for corruption.
 pub const MOST_ELEMENTS: usize = 1 << 20;
 
 /// How numbers of `T` are stored.
@@ -102,6 +102,47 @@ pub enum Domain {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         correspondence: Option<Box<Correspondence>>,
     },
+    /// The squares of a projector at many positions: element (position x squares + row) x squares + column. T is the answer to
+    /// radiant intensity 1 of a square.
+    Gantry {
+        /// The axis of the positions.
+        axis: Axis,
+        /// Where the positions can stand for light.
+        coverage: Coverage,
+        /// Where the projector stood, and how it looked.
+        positions: Vec<Stand>,
+        /// I_p: radiant intensity of the white that each position showed; T_j = photo_j / I_p.
+        intensity: Vec<f32>,
+        /// Squares along each side of its picture.
+        squares: usize,
+        /// Angle across its picture, radians.
+        view_rad: f64,
+        /// How squares fall off.
+        filter: Filter,
+    },
+}
+
+/// Where a projector stood, in the stage frame and scene units.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Stand {
+    /// Its lens.
+    pub place: [f64; 3],
+    /// To the right of what it sees, unit.
+    pub right: [f64; 3],
+    /// To the top of what it sees, unit.
+    pub up: [f64; 3],
+}
+
+impl From<&Pose> for Stand {
+    fn from(pose: &Pose) -> Self {
+        Self { place: pose.place.into(), right: pose.right.into(), up: pose.up.into() }
+    }
+}
+
+impl From<&Stand> for Pose {
+    fn from(stand: &Stand) -> Self {
+        Self { place: stand.place.into(), right: stand.right.into(), up: stand.up.into() }
+    }
 }
 
 impl Domain {
@@ -121,6 +162,17 @@ impl Domain {
                 Some(1..=MOST_ELEMENTS) => Ok(()),
                 _ => refuse(format!("{columns} x {rows} texels"), "1 to 1048576"),
             },
+            Domain::Gantry { positions, intensity, squares, .. } => {
+                let elements = squares.checked_mul(*squares).and_then(|of_one| of_one.checked_mul(positions.len()));
+                if !elements.is_some_and(|elements| (1..=MOST_ELEMENTS).contains(&elements)) {
+                    let found = format!("{} positions of {squares} x {squares} squares", positions.len());
+                    return refuse(found, "1 to 1048576 squares in all");
+                }
+                if intensity.len() != positions.len() || intensity.iter().any(|i| !(i.is_finite() && *i > 0.0)) {
+                    return refuse(format!("{} intensities", intensity.len()), "one positive number a position");
+                }
+                Ok(())
+            }
         }
     }
 }
@@ -129,11 +181,11 @@ impl Domain {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Representation {
-    /// One coefficient picture per lamp, or per texel of a screen.
+    /// One coefficient picture per lamp, texel of a screen, or square of a projector.
     Dense {
         /// The entry.
         array: String,
-        /// The projection whose elements these are: `lamps` or `texels`.
+        /// The projection whose elements these are: `lamps`, `texels` or `squares`.
         basis: String,
         /// How numbers are stored.
         precision: Precision,
@@ -171,12 +223,14 @@ pub enum Representation {
         loss: Loss,
     },
     /// For each pixel a set of wavelet coefficients of its reflectance function: rebuilt on a grid from samples at lamps, or found
-    /// from what a screen showed.
+    /// from what a screen or a projector showed.
     Wavelet {
         /// Id of the [`Wavelet`](crate::wavelet::Wavelet), in the constant-energy normalisation: cyclic in longitude and mirrored at both ends of
-        /// the other axis; on a screen, mirrored at all edges. On a screen `texel` stands for no wavelet: terms are texels.
+        /// the other axis; on a screen, and on the picture of each position of a projector, mirrored at all edges. On a screen `texel`
+        /// stands for no wavelet: terms are texels.
         wavelet: String,
-        /// Longitudes about the axis of the domain x angles from it, over its coverage; the texels of a screen.
+        /// Longitudes about the axis of the domain x angles from it, over its coverage; the texels of a screen; the squares of all
+        /// positions, one picture below the other.
         grid: [usize; 2],
         /// Id of the [`Method`](crate::reconstruct::Method) that the functions were rebuilt by from samples at lamps.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -252,6 +306,8 @@ impl Kind {
     pub const OF_LAMPS: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Harmonics];
     /// Those that a field of a screen can have.
     pub const OF_SCREENS: [Kind; 4] = [Kind::Dense, Kind::Factored, Kind::Wavelet, Kind::Explicit];
+    /// Those that a field of a projector can have.
+    pub const OF_GANTRIES: [Kind; 3] = [Kind::Dense, Kind::Factored, Kind::Wavelet];
 
     /// Permanent id.
     pub const fn id(self) -> &'static str {
@@ -299,13 +355,15 @@ impl Representation {
 
     fn check(&self, place: &str, domain: &Domain) -> Result<()> {
         let refuse = |found: String, expected: &str| Err(Error::invalid(place, found, expected));
-        let of_screen = matches!(domain, Domain::Plane { .. });
-        let never = if of_screen { Kind::Harmonics } else { Kind::Explicit };
-        if self.kind() == never {
-            let found = format!("the representation `{}` of a field of another rig", never.id());
+        let (elements, kinds) = match domain {
+            Domain::Directions { .. } => ("lamps", &Kind::OF_LAMPS[..]),
+            Domain::Plane { .. } => ("texels", &Kind::OF_SCREENS[..]),
+            Domain::Gantry { .. } => ("squares", &Kind::OF_GANTRIES[..]),
+        };
+        if !kinds.contains(&self.kind()) {
+            let found = format!("the representation `{}` of a field of another rig", self.kind().id());
             return refuse(found, "lamps with harmonics, screens with explicit wavelets");
         }
-        let elements = if of_screen { "texels" } else { "lamps" };
         if let Some(loss) = self.loss() {
             if !(loss.reached.is_finite() && loss.reached >= 0.0) {
                 return refuse(format!("an error of {}", loss.reached), "a finite one, not negative");
@@ -428,6 +486,10 @@ impl Manifest {
                 let plane = Plane::new(*columns, *rows)?;
                 Ok(domain::Domain::Plane(plane, correspondence.clone()))
             }
+            Domain::Gantry { axis, coverage, positions, squares, view_rad, filter, .. } => {
+                let poses = positions.iter().map(Pose::from).collect();
+                Ok(Gantry::with_coverage(poses, (*axis, *coverage), (*squares, *view_rad, *filter))?.into())
+            }
         }
     }
 
@@ -444,11 +506,19 @@ impl Manifest {
         self.colour_space.parse()
     }
 
-    /// E_j of each lamp; none of a screen.
+    /// E_j of each lamp; none of a screen or a projector.
     pub fn irradiance(&self) -> &[f32] {
         match &self.domain {
             Domain::Directions { irradiance, .. } => irradiance,
-            Domain::Plane { .. } => &[],
+            Domain::Plane { .. } | Domain::Gantry { .. } => &[],
+        }
+    }
+
+    /// I_p of each position of a projector; none of other rigs.
+    pub fn intensity(&self) -> &[f32] {
+        match &self.domain {
+            Domain::Gantry { intensity, .. } => intensity,
+            Domain::Directions { .. } | Domain::Plane { .. } => &[],
         }
     }
 }

@@ -57,13 +57,15 @@ pub use dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, Block, BlockBuffer, Den
 pub use explicit::Explicit;
 pub use factored::{Factored, Tiles};
 pub use harmonics::Harmonics;
-pub use manifest::{FORMAT, Kind, Loss, MOST_ELEMENTS, Manifest, Precision, Representation, VERSION};
+pub use manifest::{FORMAT, Kind, Loss, MOST_ELEMENTS, Manifest, Precision, Representation, Stand, VERSION};
 pub use merge::{TILES, merge, tiles_of};
 pub use rewrite::{NewLayer, add_layers};
 pub use samples::Samples;
 pub use sparse::{Sparse, TermBuffer, Terms};
 pub use store::Access;
-pub use writer::{Bands, BlockTerms, Contents, TermBands, TermBasis, check_texels, write, write_explicit, write_terms};
+pub use writer::{
+    Bands, BlockTerms, Contents, TermBands, TermBasis, check_elements, write, write_explicit, write_terms,
+};
 
 #[cfg(test)]
 mod tests;

@@ -4,7 +4,7 @@
 //! `t ~ sum_k c_k s_k`: `s_k` the synthesis functions at the kept locations, `c_k` one RGB triple each, so the three channels
 //! share the set. Lit by w on the grid it shows `<t, w> = sum_k c_k (S^T w)_k`: the light is transformed once
 //! ([`Sparse::transformed`]), and every pixel gathers from it. On a screen the functions can be the texels themselves: a
-//! pixel of clear glass sees only a few.
+//! pixel of clear glass sees only a few. Of a projector, functions live on the squares of one position each.
 //!
 //! Pixels come block by block, as in a dense field (rows of 16 x 8 pixels, those beyond the edges of the picture without
 //! terms), so that the terms of a block lie together: compressing appends them as it reads the samples, and a window reads
@@ -19,7 +19,7 @@ use super::asset::Opening;
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
 use super::manifest::Representation;
 use super::store::{Scratch, Store};
-use crate::domain::{Domain, StageGrid};
+use crate::domain::{Domain, Plane, StageGrid};
 use crate::error::{Error, Result};
 use crate::wavelet::Transform;
 
@@ -51,7 +51,7 @@ pub struct Sparse {
     store: Arc<Store>,
     /// Columns, rows, texels of the grid.
     layout: Layout,
-    /// None on a screen.
+    /// None on a screen or of a projector.
     grid: Option<StageGrid>,
     /// None where terms are texels.
     transform: Option<Transform>,
@@ -126,14 +126,17 @@ impl Sparse {
                 let texels = grid.texels();
                 (Some(grid), Some(transform), texels)
             }
-            Domain::Plane(plane, _) => {
-                if *grid != [plane.columns(), plane.rows()] {
-                    let expected = format!("the {} x {} texels of the screen", plane.columns(), plane.rows());
+            Domain::Plane(..) | Domain::Gantry(_) => {
+                let texels = domain.len();
+                let picture = domain.picture().map_or((texels, 1), |picture| picture.size());
+                let expected = [picture.0, texels / picture.0];
+                if *grid != expected {
+                    let expected = format!("{} x {}, as the {}", expected[0], expected[1], domain.elements());
                     return Err(Error::invalid(open.place, format!("a grid of {} x {}", grid[0], grid[1]), expected));
                 }
-                let basis = |wavelet: &str| plane.transform(wavelet.parse()?);
+                let basis = |wavelet: &str| Plane::new(picture.0, picture.1)?.transform(wavelet.parse()?);
                 let transform = (wavelet != TEXELS).then(|| basis(wavelet)).transpose().map_err(named)?;
-                (None, transform, plane.len())
+                (None, transform, texels)
             }
         };
         let layout = Layout { width, height, elements: texels };
@@ -194,7 +197,7 @@ impl Sparse {
     pub fn transformed(&self, weights: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let mut table = weights.to_vec();
         if let Some(transform) = &self.transform {
-            transform.inverse_adjoint(table.as_flattened_mut(), CHANNELS);
+            of_pictures(transform, &mut table, |picture| transform.inverse_adjoint(picture, CHANNELS));
         }
         table
     }
@@ -271,8 +274,14 @@ impl Sparse {
             place.iter_mut().zip(rgb).for_each(|(value, c)| *value += c.to_f32() * self.scale);
         }
         if let Some(transform) = &self.transform {
-            transform.inverse(function.as_flattened_mut(), CHANNELS);
+            of_pictures(transform, &mut function, |picture| transform.inverse(picture, CHANNELS));
         }
         Ok(function)
     }
+}
+
+/// Each of the pictures that functions are made of: one, or one a position of a projector.
+fn of_pictures(transform: &Transform, values: &mut [[f32; CHANNELS]], mut change: impl FnMut(&mut [f32])) {
+    let (width, height) = transform.size();
+    values.chunks_exact_mut(width * height).for_each(|picture| change(picture.as_flattened_mut()));
 }

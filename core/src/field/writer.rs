@@ -13,7 +13,7 @@ use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
-use super::manifest::{self, FORMAT, MOST_ELEMENTS, Manifest, Precision, Representation, VERSION};
+use super::manifest::{self, FORMAT, MOST_ELEMENTS, Manifest, Precision, Representation, Stand, VERSION};
 use super::npy;
 use super::sparse::TEXELS;
 use super::terms::{COEFFICIENTS, LOCATIONS, OFFSETS, Term, TermArrays};
@@ -33,7 +33,8 @@ pub(super) const HALF_CEILING: f32 = 16384.0;
 pub struct Contents {
     /// The lamps or texels.
     pub domain: Domain,
-    /// E_j: the irradiance that lamp j gave a patch facing it. T_j = photo_j / E_j. None of a screen.
+    /// E_j: the irradiance that lamp j gave a patch facing it, T_j = photo_j / E_j; of a projector, the radiant intensity of its white
+    /// at each position. None of a screen.
     pub irradiance: Vec<f32>,
     /// Columns of the pictures.
     pub width: usize,
@@ -109,7 +110,7 @@ pub fn write(path: &Path, contents: &Contents, bands: &mut dyn Bands) -> Result<
         let scale = if precision == Precision::Float { 1.0 } else { power_of_two_for(contents.largest) };
         let even = vec![1.0 / layout.elements as f32; layout.elements];
         let preview = out.dense(array, &Pictures { layout, precision, scale, shown_by: &even }, bands)?;
-        let basis = if contents.domain.plane().is_some() { "texels" } else { "lamps" }.to_owned();
+        let basis = contents.domain.elements().to_owned();
         Ok((Representation::Dense { array: array.to_owned(), basis, precision, scale }, preview))
     })
 }
@@ -125,6 +126,9 @@ pub fn write_explicit(
     (wavelet, locations): (Wavelet, &[u32]),
     bands: &mut dyn Bands,
 ) -> Result<()> {
+    if contents.domain.plane().is_none() {
+        return Err(no_screen());
+    }
     let layout = layout(contents, locations.len());
     let transform = on_screen(contents, wavelet)?;
     assemble(path, contents, |out| {
@@ -144,7 +148,8 @@ pub fn write_explicit(
     })
 }
 
-/// Writes a container of terms on a screen, each pixel its own: `T_p = sum of c_k s_k`. As [`write()`]; halves, and temporary
+/// Writes a container of terms on a screen, or on the squares of a projector's positions, each pixel its own:
+/// `T_p = sum of c_k s_k`; location `position x squares + place`. As [`write()`]; halves, and temporary
 /// files beside the container, as large as it.
 ///
 /// # Errors
@@ -156,12 +161,14 @@ pub fn write_terms(
     bands: &mut dyn TermBands,
 ) -> Result<()> {
     let layout = layout(contents, contents.domain.len());
-    let Some(plane) = contents.domain.plane() else { return Err(no_screen()) };
-    let mut white = vec![1.0; plane.len()];
+    let Some(picture) = contents.domain.picture() else { return Err(no_screen()) };
+    // A projector's positions light as a sphere of lamps would: the mean of them.
+    let mut white = vec![picture.len() as f32 / layout.elements as f32; layout.elements];
     let wavelet = match basis {
         TermBasis::Texels => TEXELS,
         TermBasis::Wavelet(wavelet) => {
-            on_screen(contents, wavelet)?.inverse_adjoint(&mut white, 1);
+            let transform = on_screen(contents, wavelet)?;
+            white.chunks_exact_mut(picture.len()).for_each(|picture| transform.inverse_adjoint(picture, 1));
             wavelet.id()
         }
     };
@@ -180,7 +187,7 @@ pub fn write_terms(
         arrays.write(out)?;
         let representation = Representation::Wavelet {
             wavelet: wavelet.to_owned(),
-            grid: [plane.columns(), plane.rows()],
+            grid: [picture.columns(), layout.elements / picture.columns()],
             reconstruction: None,
             offsets: OFFSETS.to_owned(),
             locations: LOCATIONS.to_owned(),
@@ -202,7 +209,7 @@ fn no_screen() -> Error {
 }
 
 fn on_screen(contents: &Contents, wavelet: Wavelet) -> Result<Transform> {
-    contents.domain.plane().ok_or_else(no_screen)?.transform(wavelet)
+    contents.domain.picture().ok_or_else(no_screen)?.transform(wavelet)
 }
 
 /// Rounds the terms of a block.
@@ -243,12 +250,16 @@ fn assemble(
     transport: impl FnOnce(&mut Entries<'_>) -> Result<(Representation, Image)>,
 ) -> Result<()> {
     let (width, height) = (contents.width, contents.height);
-    let lamps = contents.domain.directions().map_or(0, |lamps| lamps.len());
-    if contents.irradiance.len() != lamps {
-        let found = format!("{} irradiances", contents.irradiance.len());
-        return Err(Error::invalid("field", found, format!("{lamps}, one a lamp")));
+    let (lights, one) = match &contents.domain {
+        Domain::Directions(lamps) => (lamps.len(), "one irradiance a lamp"),
+        Domain::Gantry(gantry) => (gantry.poses().len(), "one intensity a position"),
+        Domain::Plane(..) => (0, "none"),
+    };
+    if contents.irradiance.len() != lights {
+        let found = format!("{} irradiances or intensities", contents.irradiance.len());
+        return Err(Error::invalid("field", found, format!("{lights}, {one}")));
     }
-    check_texels(&contents.domain)?;
+    check_elements(&contents.domain)?;
     let ambient_fits = contents.ambient.as_ref().is_none_or(|s| s.size() == (width, height) && s.channels() == 3);
     let alpha_fits = contents.alpha.as_ref().is_none_or(|alpha| alpha.len() == width * height);
     if width * height == 0 || !ambient_fits || !alpha_fits {
@@ -289,19 +300,27 @@ fn assemble(
     })
 }
 
-/// Refuses a screen of more texels than a container holds: who solves it should ask before the work.
+/// Refuses a screen of more texels, or a projector of more squares, than a container holds: who solves it should ask before the
+/// work.
 ///
 /// # Errors
 /// That.
-pub fn check_texels(domain: &Domain) -> Result<()> {
-    match domain.plane() {
-        Some(plane) if plane.len() > MOST_ELEMENTS => {
-            let found = format!("{} x {} texels", plane.columns(), plane.rows());
-            let expected = format!("at most {MOST_ELEMENTS}: larger texels (several pixels of the screen each)");
-            Err(Error::invalid("the screen", found, expected))
-        }
-        _ => Ok(()),
+pub fn check_elements(domain: &Domain) -> Result<()> {
+    if domain.len() <= MOST_ELEMENTS {
+        return Ok(());
     }
+    let (place, found, smaller) = match domain {
+        Domain::Directions(lamps) => ("the lamps", format!("{} of them", lamps.len()), "fewer lamps"),
+        Domain::Plane(plane, _) => {
+            let found = format!("{} x {} texels", plane.columns(), plane.rows());
+            ("the screen", found, "larger texels (several pixels of the screen each)")
+        }
+        Domain::Gantry(gantry) => {
+            let found = format!("{0} positions of {1} x {1} squares", gantry.poses().len(), gantry.side());
+            ("the projector", found, "fewer positions or squares")
+        }
+    };
+    Err(Error::invalid(place, found, format!("at most {MOST_ELEMENTS}: {smaller}")))
 }
 
 /// The domain as the manifest has it.
@@ -317,6 +336,15 @@ fn described(contents: &Contents) -> manifest::Domain {
             columns: plane.columns(),
             rows: plane.rows(),
             correspondence: correspondence.clone(),
+        },
+        Domain::Gantry(gantry) => manifest::Domain::Gantry {
+            axis: gantry.directions().axis(),
+            coverage: gantry.directions().coverage(),
+            positions: gantry.poses().iter().map(Stand::from).collect(),
+            intensity: contents.irradiance.clone(),
+            squares: gantry.side(),
+            view_rad: gantry.view_rad(),
+            filter: gantry.filter(),
         },
     }
 }

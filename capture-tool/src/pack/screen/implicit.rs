@@ -61,7 +61,7 @@ impl ImplicitPack<'_> {
             let found = format!("{photographs} photographs for {patterns} patterns");
             return Err(Error::invalid("the session", found, "one a pattern"));
         }
-        field::check_texels(&self.view.domain(self.emitted.plane))?;
+        field::check_elements(&self.view.domain(self.emitted.plane))?;
         let wavelet = self.wanted.basis.or(self.emitted.wavelet).unwrap_or(Wavelet::Haar);
         let dictionary = Dictionary::new(&self.emitted.plane.transform(wavelet)?, &self.emitted.patterns)?;
         Solver::new(Arc::new(dictionary), Options { terms: self.wanted.terms, stop: self.wanted.stop })
