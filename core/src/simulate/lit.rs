@@ -4,16 +4,18 @@
 //! a shadow ray from every surface that a path meets; the continuum is looked up along directions drawn from the scattering, and where
 //! paths leave over mirrors and glass.
 //!
-//! **What is left out.** Mirrors and glass show maps and probes, never points: these have no size. So they throw no caustics of
-//! points either. Sources stand farther from a surface than any body that shadows it: there is no body behind a lamp.
+//! Mirrors and glass show maps and probes, never points: these have no size. What they throw of points on surfaces is blurred by
+//! [`CAUSTIC_RAD`], as the gantry has it. Sources stand farther from a surface than any body that shadows it: there is no body
+//! behind a lamp.
 
 use rand::RngExt;
 use rand_pcg::Pcg32;
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::illumination::LightField;
+use crate::illumination::Incident;
 use crate::image::Image;
+use crate::math::Vec3;
 
 use super::Progress;
 use super::camera::Camera;
@@ -27,9 +29,13 @@ use super::tracer::{Collector, Tracer, Vertex, times};
 /// Directions into the continuum at a vertex that the camera sees; one at others.
 const DRAWS: usize = 8;
 
+/// Points have this radius, seen from where a path leaves a mirror or a glass that lights a surface: the share of its distance that
+/// the gantry's lens has there.
+const CAUSTIC_RAD: f64 = 0.1;
+
 /// Collects the light of one pixel.
 struct FieldCollector<'a> {
-    light: &'a LightField,
+    light: &'a dyn Incident,
     continuum: bool,
     scatter: Spread,
     lobe: Steps,
@@ -84,8 +90,18 @@ impl Collector for FieldCollector<'_> {
         }
     }
 
-    fn leave(&mut self, ray: &Ray, weight: &Rgb, _first: bool) {
-        let radiance = self.light.radiance(&ray.origin.cast(), &ray.direction.cast());
+    fn leave(&mut self, ray: &Ray, weight: &Rgb, first: bool) {
+        let (from, direction): (Vec3, Vec3) = (ray.origin.cast(), ray.direction.cast());
+        let mut radiance = self.light.radiance(&from, &direction);
+        if !first {
+            // A disc of this radius and radiance `E / (pi r^2)`.
+            let (rim, disc) = (CAUSTIC_RAD.cos(), std::f64::consts::PI * CAUSTIC_RAD * CAUSTIC_RAD);
+            self.light.arriving(&from, &mut |towards, irradiance| {
+                if towards.dot(&direction) > rim {
+                    radiance.iter_mut().zip(irradiance).for_each(|(l, e)| *l += e / disc);
+                }
+            });
+        }
         self.add(&times(weight, &radiance.map(|l| l as f32), 1.0));
     }
 }
@@ -98,7 +114,7 @@ impl Collector for FieldCollector<'_> {
 pub fn lit(
     scene: &Scene,
     camera: &Camera,
-    light: &LightField,
+    light: &dyn Incident,
     quality: &Quality,
     progress: &mut Progress<'_>,
 ) -> Result<Image> {

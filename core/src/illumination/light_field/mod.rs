@@ -1,8 +1,8 @@
 //! Light that varies in space: a 4D incident light field, as sources at finite distance and what stands before them (7.1).
 //!
-//! Everything is in the stage frame and in the scene's units of length. A [`LightField`] is asked, for any point near the
-//! object, what arrives there: rays from points, suns and samples of areas ([`LightField::arriving`]), and the radiance of what is
-//! a continuum, maps and grids of probes ([`LightField::radiance`]). The two parts add; no source gives both.
+//! Everything is in the stage frame and in the scene's units of length. A [`LightField`] is [`Incident`] light: for any point
+//! near the object it says what arrives there, rays from points, suns and samples of areas, and the radiance of what is a
+//! continuum, maps and grids of probes. The two parts add; no source gives both. Asking allocates nothing.
 //!
 //! **Intensity.** As for [lamps far away](super::lighting), stops count from a source that gives a white diffuser the value 1
 //! (irradiance pi): the diffuser stands at the point the source is aimed at, faces it, and nothing is in between. A source at a
@@ -20,12 +20,10 @@
 //! | `far` | suns, and the lamps of lighting files |
 //! | `blinds` | a window with slats |
 //! | `probes` | Unger's grids of maps (2.2.3) |
-//! | `flat` | the 2D approximation: all light as it is at one point |
 
 mod area;
 mod blinds;
 mod far;
-mod flat;
 mod frame;
 mod lamps;
 mod probes;
@@ -35,8 +33,8 @@ mod tests;
 
 use std::sync::Arc;
 
-use super::EnvMap;
-use crate::math::{Mat3, Vec3};
+use super::{EnvMap, Incident};
+use crate::math::Vec3;
 
 pub use area::Area;
 pub use blinds::{Blinds, Slats};
@@ -55,12 +53,10 @@ pub const NEAREST: f64 = 1e-5;
 pub const SPACING_RAD: f64 = 2.0 * std::f64::consts::PI / 180.0;
 
 /// Light about the origin. Cloning shares maps and pictures.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct LightField {
     /// In any order: light adds.
     pub sources: Vec<Source>,
-    /// The whole is turned about the origin: light from place p comes from `turn * p`.
-    pub turn: Mat3,
 }
 
 /// One source of light.
@@ -113,7 +109,7 @@ impl Emitter {
     /// Radiance of a continuum; black of everything else.
     fn radiance(&self, at: &Vec3, towards: &Vec3) -> [f64; 3] {
         match self {
-            Self::Map(map) => map.radiance(towards).map(f64::from),
+            Self::Map(map) => map.between(towards),
             Self::Probes(probes) => probes.radiance(at, towards),
             _ => [0.0; 3],
         }
@@ -147,18 +143,14 @@ impl Source {
         Self { blinds: Some(blinds), ..self }
     }
 
-    /// Is it a continuum of directions, so that it has radiance?
-    pub fn is_continuum(&self) -> bool {
-        matches!(self.emitter, Emitter::Map(_) | Emitter::Probes(_))
-    }
-
     /// Does what comes through the window, if there is one, reach a point?
     fn passes(&self, at: &Vec3, towards: &Vec3, distance: f64) -> bool {
         self.blinds.as_ref().is_none_or(|blinds| blinds.pass(at, towards, distance))
     }
+}
 
-    /// As [`LightField::arriving`], for this source, unturned.
-    pub fn arriving(&self, at: &Vec3, each: &mut dyn FnMut(Vec3, [f64; 3])) {
+impl Incident for Source {
+    fn arriving(&self, at: &Vec3, each: &mut dyn FnMut(Vec3, [f64; 3])) {
         self.emitter.rays(at, &mut |towards, distance, irradiance| {
             if self.passes(at, &towards, distance) {
                 each(towards, std::array::from_fn(|c| irradiance[c] * self.gain[c]));
@@ -166,54 +158,55 @@ impl Source {
         });
     }
 
-    /// As [`LightField::radiance`], for this source, unturned.
-    pub fn radiance(&self, at: &Vec3, towards: &Vec3) -> [f64; 3] {
-        if !self.is_continuum() || !self.passes(at, towards, f64::INFINITY) {
+    fn radiance(&self, at: &Vec3, towards: &Vec3) -> [f64; 3] {
+        if !self.has_radiance() || !self.passes(at, towards, f64::INFINITY) {
             return [0.0; 3];
         }
         let radiance = self.emitter.radiance(at, towards);
         std::array::from_fn(|c| radiance[c] * self.gain[c])
     }
-}
 
-impl Default for LightField {
-    fn default() -> Self {
-        Self::new(Vec::new())
+    fn has_radiance(&self) -> bool {
+        matches!(self.emitter, Emitter::Map(_) | Emitter::Probes(_))
+    }
+
+    fn varies(&self) -> bool {
+        matches!(self.emitter, Emitter::Probes(_)) || self.has_radiance() && self.blinds.is_some()
+    }
+
+    fn parts(&self) -> Vec<(String, &dyn Incident)> {
+        vec![(self.name.clone(), self)]
     }
 }
 
 impl LightField {
-    /// Sources, not turned.
+    /// Sources, lit together.
     pub fn new(sources: Vec<Source>) -> Self {
-        Self { sources, turn: Mat3::identity() }
+        Self { sources }
+    }
+}
+
+impl Incident for LightField {
+    fn arriving(&self, at: &Vec3, each: &mut dyn FnMut(Vec3, [f64; 3])) {
+        self.sources.iter().for_each(|source| source.arriving(at, each));
     }
 
-    /// Turned by a rotation about the origin, after what turned it before: light from direction d comes from `rotation * d`.
-    pub fn turned(&self, rotation: &Mat3) -> Self {
-        Self { sources: self.sources.clone(), turn: rotation * self.turn }
-    }
-
-    /// Rays that arrive at `at` from points, suns and samples of areas: for each, the unit vector from `at` towards the light, and
-    /// the irradiance it gives a patch at `at` that faces it, linear RGB. All finite for a finite point. Nothing is allocated.
-    pub fn arriving(&self, at: &Vec3, each: &mut dyn FnMut(Vec3, [f64; 3])) {
-        let unturned = self.turn.tr_mul(at);
-        for source in &self.sources {
-            source.arriving(&unturned, &mut |towards, irradiance| each(self.turn * towards, irradiance));
-        }
-    }
-
-    /// Radiance that arrives at `at` from `towards` (unit, from `at` to the light) of what is a continuum: maps, grids of probes.
-    /// Maps are piecewise constant over their texels.
-    pub fn radiance(&self, at: &Vec3, towards: &Vec3) -> [f64; 3] {
-        let (at, towards) = (self.turn.tr_mul(at), self.turn.tr_mul(towards));
+    fn radiance(&self, at: &Vec3, towards: &Vec3) -> [f64; 3] {
         self.sources.iter().fold([0.0; 3], |sum, source| {
-            let radiance = source.radiance(&at, &towards);
+            let radiance = source.radiance(at, towards);
             std::array::from_fn(|c| sum[c] + radiance[c])
         })
     }
 
-    /// Is there a continuum, so that [`LightField::radiance`] is worth asking?
-    pub fn has_radiance(&self) -> bool {
-        self.sources.iter().any(Source::is_continuum)
+    fn has_radiance(&self) -> bool {
+        self.sources.iter().any(Incident::has_radiance)
+    }
+
+    fn varies(&self) -> bool {
+        self.sources.iter().any(Incident::varies)
+    }
+
+    fn parts(&self) -> Vec<(String, &dyn Incident)> {
+        self.sources.iter().flat_map(Incident::parts).collect()
     }
 }

@@ -59,11 +59,6 @@ impl Probes {
         Some(Self { origin: at.origin, to_steps, counts, is_plane, maps: maps.into() })
     }
 
-    /// The widest map.
-    pub fn widest(&self) -> usize {
-        self.maps.iter().map(|map| map.image().width()).max().unwrap_or(1)
-    }
-
     /// Radiance that arrives at a point from a direction.
     pub fn radiance(&self, at: &Vec3, towards: &Vec3) -> [f64; 3] {
         let [x, y, z] = self.corners(at, towards);
@@ -74,8 +69,8 @@ impl Probes {
                     let share = across * down * deep;
                     if share > 0.0 {
                         let map = &self.maps[(layer * self.counts[1] + row) * self.counts[0] + column];
-                        let radiance = map.radiance(towards);
-                        (0..3).for_each(|c| sum[c] += share * f64::from(radiance[c]));
+                        let radiance = map.between(towards);
+                        (0..3).for_each(|c| sum[c] += share * radiance[c]);
                     }
                 }
             }

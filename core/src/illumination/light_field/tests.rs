@@ -1,8 +1,8 @@
 //! Light at a point, in closed form; what blocks it; what turns it.
 
 use super::*;
-use crate::illumination::Beam;
 use crate::illumination::lighting::{Aim, Lamp, Shape};
+use crate::illumination::{Beam, Turned, flattened};
 use crate::image::Image;
 use std::f64::consts::PI;
 
@@ -300,50 +300,38 @@ fn lines_and_volumes_of_probes_are_looked_up_where_the_point_is() {
     assert!(Probes::new(&ProbesAt { across: step(0.0, 0.0, 0.0), ..at }, (0..8).map(grey).collect()).is_none());
 }
 
+/// What the look of a picture turns, a message names, and the 2D approximation takes for the same everywhere.
 #[test]
-fn a_turned_light_lights_turned_points() {
-    let spot = Emitter::Spot(Spot::new(frame([1.0, 2.0, 3.0], [0.1, 0.0, 0.0]), 0.3, 0.1));
-    let map = EnvMap::six_poles(64, 32);
-    let light = LightField::new(vec![Source::new("a", spot), Source::new("b", Emitter::Map(Arc::new(map)))]);
-    let turn = crate::math::Orientation { heading_deg: 40.0, pitch_deg: 20.0, roll_deg: -70.0 }.matrix();
-    let turned = light.turned(&turn).turned(&turn);
-    let twice = turn * turn;
+fn a_field_is_incident_light() {
+    let spot = Emitter::Spot(Spot::new(frame([0.1, 2.0, 3.0], [0.1, 0.0, 0.0]), 0.3, 0.1));
+    let slats = Some(Slats::strips(0.2, 0.5, 0.0));
+    let poles = Emitter::Map(Arc::new(EnvMap::six_poles(512, 256)));
+    let light = LightField::new(vec![
+        Source::new("spot", spot),
+        Source::new("sun", Emitter::Far(Far::sun(&high(0.0), 0.01, true))).behind(window(slats)),
+        Source::new("poles", poles.clone()).lit([1.0; 3], 1.0),
+    ]);
+    assert_eq!(light.parts().iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>(), ["spot", "sun", "poles"]);
+    assert!(light.has_radiance() && !light.varies());
+    assert!(Source::new("view", poles).behind(window(None)).varies());
+    let rotation = crate::math::Orientation { heading_deg: 90.0, ..Default::default() }.matrix();
+    let turned = Turned { light: &light, rotation };
     let at = Vec3::new(0.2, -0.1, 0.3);
     let (mut plain, mut after) = (Vec::new(), Vec::new());
-    light.arriving(&at, &mut |d, e| plain.push((twice * d, e)));
-    turned.arriving(&(twice * at), &mut |d, e| after.push((d, e)));
-    assert_eq!(plain.len(), 1);
-    assert!((plain[0].0 - after[0].0).norm() < 1e-12);
-    close(after[0].1[0], plain[0].1[0], 1e-12);
-    for d in [Vec3::x(), Vec3::y(), -Vec3::z()] {
-        assert_eq!(light.radiance(&at, &d), turned.radiance(&at, &(twice * d)));
+    light.arriving(&at, &mut |d, e| plain.push((rotation * d, e)));
+    turned.arriving(&(rotation * at), &mut |d, e| after.push((d, e)));
+    assert!(plain.len() > 1 && plain.len() == after.len());
+    for (a, b) in plain.iter().zip(&after) {
+        assert!((a.0 - b.0).norm() < 1e-12);
+        close(a.1[0], b.1[0], 1e-12);
     }
-}
-
-/// The 2D approximation is the light at the origin, everywhere.
-#[test]
-fn a_flat_field_is_what_arrives_at_the_origin() {
-    let turn = crate::math::Orientation { heading_deg: 90.0, ..Default::default() }.matrix();
-    let slats = Some(Slats::strips(0.2, 0.5, 0.0));
-    let light = LightField::new(vec![
-        Source::new("spot", Emitter::Spot(Spot::new(frame([0.0, 2.0, 3.0], [0.0; 3]), 0.1, 0.1))),
-        Source::new("sun", Emitter::Far(Far::sun(&high(0.0), 0.01, true))).behind(window(slats)),
-        Source::new("poles", Emitter::Map(Arc::new(EnvMap::six_poles(512, 256)))).lit([1.0; 3], 1.0),
-    ])
-    .turned(&turn);
-    let flat = light.flat();
-    let here = |light: &LightField, at: &Vec3| light.beams_at(at);
-    let origin = here(&light, &Vec3::zeros());
-    assert_eq!(origin, here(&flat, &Vec3::new(3.0, -2.0, 0.5)));
-    assert_eq!(flat.sources.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["spot", "sun", "surroundings"]);
+    let (beams, map) = flattened(&turned);
+    assert!((beams[0].direction - rotation * Vec3::new(0.1, 2.0, 3.0).normalize()).norm() < 1e-12);
+    let map = map.unwrap();
     for (d, pole) in [(Vec3::x(), [0.0, 0.0, 2.0]), (Vec3::y(), [0.0, 2.0, 0.0]), (-Vec3::z(), [2.0, 0.0, 0.0])] {
-        let found = flat.radiance(&Vec3::x(), &d);
+        let found = map.radiance(&d);
         (0..3).for_each(|c| assert!((found[c] - pole[c]).abs() < 0.02, "{d}: {found:?}"));
     }
-    let integral = flat.map_at(&Vec3::zeros()).unwrap().integral();
-    let poles = EnvMap::six_poles(512, 256).integral();
-    (0..3).for_each(|c| close(integral[c], 2.0 * poles[c], 1e-3));
-    assert!(field(Emitter::Point(Point::new(Vec3::z(), Vec3::zeros()).unwrap())).map_at(&Vec3::zeros()).is_none());
 }
 
 /// A far lamp gives the light of the lighting file, as a few beams or as a map.
@@ -366,8 +354,9 @@ fn far_lamps_keep_their_light() {
             beams.iter().map(|b| b.irradiance[c] * b.direction.dot(&normal).max(0.0)).sum()
         };
         for c in 0..3 {
-            let mut found = sum(light.beams_at(&Vec3::zeros()), c);
-            if let Some(map) = light.map_at(&Vec3::zeros()) {
+            let (beams, map) = flattened(&light);
+            let mut found = sum(beams, c);
+            if let Some(map) = map {
                 let (w, h) = map.image().size();
                 for (j, i) in (0..h).flat_map(|j| (0..w).map(move |i| (j, i))) {
                     let d = crate::math::latlong::direction(i as f64 + 0.5, j as f64 + 0.5, w, h);
