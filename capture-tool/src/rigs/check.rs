@@ -135,15 +135,17 @@ impl RigFile {
 
     /// The table of the rig's kind, and no other.
     fn check_tables(&self, place: &str) -> Result<()> {
+        if !self.simulation.scene.is_for(self.kind) {
+            let found = format!("\"{}\"", self.simulation.scene.id());
+            let expected = "\"mixed\"; \"diffuse\" is for a screen, \"convex\" and \"bowl\" are for a projector";
+            return refuse(place, "scene", found, expected);
+        }
         let tables = [
             (Kind::Stage, "stage", self.stage.is_some()),
             (Kind::Monitor, "monitor", self.monitor.is_some()),
             (Kind::Gantry, "gantry", self.gantry.is_some()),
         ];
         for (kind, name, there) in tables {
-            if kind == Kind::Monitor && !there && !self.simulation.scene.is_mixed() {
-                return refuse(place, "scene", format!("{:?}", self.simulation.scene), "a rig with a screen");
-            }
             if there && kind != self.kind {
                 let found = format!("a [{name}] table in a rig of another kind");
                 return refuse(place, "kind", found, "the table of its kind alone");

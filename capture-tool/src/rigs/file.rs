@@ -296,14 +296,37 @@ pub enum SceneChoice {
     /// Glass, mirror, glossy and diffuse bodies.
     #[default]
     Mixed,
-    /// Coloured cubes on a pale floor, all diffuse: soft shadows (figure 6.14).
+    /// Coloured cubes on a pale floor before a screen, all diffuse: soft shadows (figure 6.14).
     Diffuse,
+    /// A diffuse ball alone under a projector: no light goes over other surfaces (7.5).
+    Convex,
+    /// A diffuse bowl and a ball under a projector: much does (7.5).
+    Bowl,
 }
 
 impl SceneChoice {
     /// Is it the usual one?
     pub fn is_mixed(&self) -> bool {
         *self == Self::Mixed
+    }
+
+    /// Does it stand where rigs of a kind look?
+    pub fn is_for(&self, kind: Kind) -> bool {
+        match self {
+            Self::Mixed => true,
+            Self::Diffuse => kind == Kind::Monitor,
+            Self::Convex | Self::Bowl => kind == Kind::Gantry,
+        }
+    }
+
+    /// As rig files say it.
+    pub fn id(&self) -> &'static str {
+        match self {
+            Self::Mixed => "mixed",
+            Self::Diffuse => "diffuse",
+            Self::Convex => "convex",
+            Self::Bowl => "bowl",
+        }
     }
 }
 

@@ -153,18 +153,18 @@ impl Rig for VirtualEmitter {
 /// # Errors
 /// No home folder.
 pub fn cached(rig: &RigFile, bare: bool) -> Result<PathBuf> {
+    let scene = match rig.simulation.scene {
+        SceneChoice::Mixed => String::new(),
+        other => format!(" {}", other.id()),
+    };
     let geometry = match (&rig.monitor, &rig.gantry) {
         (Some(monitor), _) => {
-            let scene = match (bare, rig.simulation.scene) {
-                (true, _) => " bare",
-                (false, SceneChoice::Mixed) => "",
-                (false, SceneChoice::Diffuse) => " diffuse",
-            };
+            let scene = if bare { " bare".to_owned() } else { scene };
             format!("monitor {} {}{scene}", monitor.columns, monitor.rows)
         }
         (None, Some(gantry)) => {
             let (GantryRig { distance, view_deg, positions, .. }, pixels) = (gantry, gantry.pixels());
-            format!("gantry {pixels} {distance} {view_deg} {:?}", positions.directions())
+            format!("gantry {pixels} {distance} {view_deg} {:?}{scene}", positions.directions())
         }
         (None, None) => String::new(),
     };
@@ -185,7 +185,9 @@ fn traced(rig: &RigFile, bare: bool, progress: &mut Progress<'_>) -> Result<Rows
             let there = virtual_monitor(monitor, rig.simulation.scene, Camera::monitor(width, height));
             if bare { there.bare() } else { there }.trace(&quality, progress)?
         }
-        (None, Some(gantry)) => virtual_gantry(gantry, Camera::gantry(width, height)).trace(&quality, progress)?,
+        (None, Some(gantry)) => {
+            virtual_gantry(gantry, simulation.scene, Camera::gantry(width, height)).trace(&quality, progress)?
+        }
         (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
     };
     rows.save(&path)?;
@@ -195,18 +197,22 @@ fn traced(rig: &RigFile, bare: bool, progress: &mut Progress<'_>) -> Result<Rows
 fn virtual_monitor(rig: &MonitorRig, scene: SceneChoice, camera: Camera) -> Monitor {
     let texels = (rig.columns, rig.rows);
     match scene {
-        SceneChoice::Mixed => Monitor::demo(camera, texels),
         SceneChoice::Diffuse => Monitor::cubes(camera, texels),
+        _ => Monitor::demo(camera, texels),
     }
 }
 
-fn virtual_gantry(rig: &GantryRig, camera: Camera) -> Gantry {
+fn virtual_gantry(rig: &GantryRig, scene: SceneChoice, camera: Camera) -> Gantry {
+    let scene = match scene {
+        SceneChoice::Convex => Scene::convex(),
+        SceneChoice::Bowl => Scene::bowl(),
+        _ => Scene::gantry(),
+    };
     Gantry {
-        scene: Scene::gantry(),
-        camera,
+        scene,
         positions: Gantry::above_table(&rig.positions.directions(), rig.distance as f32),
         view_rad: rig.view_deg.to_radians() as f32,
-        squares: rig.pixels(),
         lens_radius: LENS_RADIUS,
+        ..Gantry::demo(camera, (1, 1), rig.pixels())
     }
 }

@@ -11,6 +11,7 @@
 //! | [`explicit`] | errors of relit pictures, by the number of functions of explicit sampling (6.6.5) |
 //! | [`mod@reference`] | relit pictures against photographs under the same picture on a screen (6.3) |
 //! | [`implicit`] | errors of implicit sampling, by terms and patterns (figure 6.30) |
+//! | [`separable`] | errors of squares recovered from sets of them, and of the map that tells (7.5) |
 //! | `relit` | errors of relit pictures, by lamps left out |
 //! | `representations` | errors of relit pictures, by compact representations |
 //! | `blocks` | the field, block by block, in bounded memory |
@@ -25,6 +26,7 @@ pub mod reconstruction;
 pub mod reference;
 mod relit;
 mod representations;
+pub mod separable;
 pub mod sliver;
 mod subset;
 #[cfg(test)]

@@ -30,8 +30,8 @@ use super::stage::{Quality, scramble};
 use super::tracer::{Collector, Tracer, Vertex, times};
 use super::{Progress, V3};
 
-/// Blocks across and down the squares of one position for light over other surfaces.
-const LATER_ACROSS: usize = 4;
+/// Blocks across and down the squares of one position for light over other surfaces, unless a rig says otherwise.
+pub(super) const LATER_ACROSS: usize = 4;
 /// What mirrors and glass throw on surfaces is gathered by a lens at least this wide, as a share of its distance: rays
 /// that meet a smaller one by chance are too few, and caustics softer by 6 degrees are caustics still.
 pub(super) const CAUSTIC: f32 = 0.1;
@@ -78,6 +78,8 @@ pub struct Gantry {
     pub squares: usize,
     /// Radius of its lens, scene units.
     pub lens_radius: f32,
+    /// Blocks across and down its squares for light over other surfaces, at most.
+    pub blocks: usize,
 }
 
 impl Gantry {
@@ -157,7 +159,7 @@ struct LensCollector<'a> {
 impl<'a> LensCollector<'a> {
     fn new(gantry: &'a Gantry, stride: usize) -> Self {
         let grids = gantry.grids();
-        let level = grids.level_of(LATER_ACROSS);
+        let level = grids.level_of(gantry.blocks.max(1));
         Self {
             gantry,
             stands: gantry.positions.iter().map(|place| Stand::new(*place)).collect(),

@@ -93,7 +93,7 @@ fn wall(positions: Vec<V3>) -> Gantry {
     let material = Material::Diffuse { albedo: [0.8, 0.5, 0.2] };
     let camera = Camera { width: 24, height: 24, distance: 6.0, view_rad: 0.4 };
     let scene = Scene { objects: vec![Object { shape: wall, material }] };
-    Gantry { scene, camera, positions, view_rad: 0.4, squares: 6, lens_radius: 0.05 }
+    Gantry { scene, camera, positions, view_rad: 0.4, squares: 6, lens_radius: 0.05, blocks: 4 }
 }
 
 #[test]

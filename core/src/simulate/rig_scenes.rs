@@ -5,7 +5,7 @@ use crate::math::Vec3;
 use super::V3;
 use super::camera::Camera;
 use super::demo::{ball, grid_lamps, on_table};
-use super::gantry::Gantry;
+use super::gantry::{Gantry, LATER_ACROSS};
 use super::material::Material;
 use super::monitor::{ACROSS, Monitor, ScreenPlane};
 use super::scene::{Object, Scene};
@@ -96,6 +96,27 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// A diffuse ball and nothing else: no light goes over other surfaces (7.5).
+    pub fn convex() -> Self {
+        Self { objects: vec![pale_ball(V3::zeros(), 0.7)] }
+    }
+
+    /// A diffuse bowl, open towards the camera and the arm, and a ball beside it. Half a hollow ball of albedo 0.85 in which light goes to
+    /// and fro: with even light, half of the light of each point comes over others (for a part `f` of a ball, `a f` of it all,
+    /// `a` the albedo).
+    pub fn bowl() -> Self {
+        let axis = V3::new(0.15, 0.45, 0.88).normalize();
+        let shape = Shape::Bowl { centre: V3::new(-0.46, -0.02, 0.0), radius: 0.6, axis, rim: 0.0 };
+        let bowl = Object { shape, material: diffuse([0.85, 0.83, 0.80]) };
+        Self { objects: vec![bowl, pale_ball(V3::new(0.66, -0.05, 0.0), 0.4)] }
+    }
+}
+
+fn pale_ball(centre: V3, radius: f32) -> Object {
+    Object { shape: Shape::Sphere { centre, radius }, material: diffuse([0.70, 0.64, 0.55]) }
+}
+
 impl Gantry {
     /// [`Scene::gantry`] under an arm that stops at `longitudes` x `latitudes` places above the turntable (see
     /// [`grid_lamps`]), 4 units from its middle, the projector showing `squares` x `squares` squares.
@@ -103,7 +124,7 @@ impl Gantry {
         let positions = Self::above_table(&grid_lamps(longitudes, latitudes), 4.0);
         // All of the table, wherever from.
         let view_rad = 34f32.to_radians();
-        Self { scene: Scene::gantry(), camera, positions, view_rad, squares, lens_radius: 0.08 }
+        Self { scene: Scene::gantry(), camera, positions, view_rad, squares, lens_radius: 0.08, blocks: LATER_ACROSS }
     }
 
     /// Positions in the stage frame from directions in the frame of [`Scene::gantry`]'s table, +y its normal, which leans

@@ -43,15 +43,21 @@ impl Scene {
         object.map(|object| Hit { object, point, normal: self.objects[object].shape.normal(&point) })
     }
 
-    /// Does anything but `own` (the convex body whose surface the ray leaves outwards) block a ray?
+    /// Does anything but `own` (the body whose surface the ray leaves outwards, if convex) block a ray?
     pub(super) fn blocks(&self, ray: &Ray, own: usize) -> bool {
-        self.objects.iter().enumerate().any(|(i, o)| i != own && o.shape.hit(ray).is_some())
+        self.others(own).any(|o| o.shape.hit(ray).is_some())
+    }
+
+    /// What can stand in the light of a point of object `own`: that itself too, if it is concave.
+    fn others(&self, own: usize) -> impl Iterator<Item = &Object> {
+        let can = move |(i, o): &(usize, &Object)| *i != own || o.shape.is_concave();
+        self.objects.iter().enumerate().filter(can).map(|(_, object)| object)
     }
 
     /// Which directions are free of bodies, seen from a point on the surface of object `own`: 1 free, 0 blocked.
     pub(super) fn visible(&self, point: &V3, own: usize, directions: Slices<'_>, visible: &mut [f32]) {
         visible.fill(1.0);
-        for (_, object) in self.objects.iter().enumerate().filter(|(i, _)| *i != own) {
+        for object in self.others(own) {
             object.shape.shade(point, directions, visible);
         }
     }

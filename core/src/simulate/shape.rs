@@ -1,4 +1,4 @@
-//! Spheres, boxes and discs: the nearest hit of one ray, and shadows of many directions from one point.
+//! Spheres, boxes, discs and bowls: the nearest hit of one ray, and shadows of many directions from one point.
 
 use nalgebra::Matrix3;
 
@@ -53,7 +53,7 @@ pub(super) struct Slices<'a> {
     pub z: &'a [f32],
 }
 
-/// A convex body, or a finite piece of ground.
+/// A convex body, a finite piece of ground, or a bowl.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     /// A ball.
@@ -81,6 +81,17 @@ pub enum Shape {
         /// Its radius.
         radius: f32,
     },
+    /// A part of a hollow ball, a thin shell that is seen from both sides: what lies below a plane across it.
+    Bowl {
+        /// The middle of the ball.
+        centre: V3,
+        /// The ball's radius.
+        radius: f32,
+        /// Unit vector out of the opening.
+        axis: V3,
+        /// Of the rim above the middle, along the axis: 0 for half a ball.
+        rim: f32,
+    },
 }
 
 impl Shape {
@@ -100,13 +111,14 @@ impl Shape {
                 let t = (centre - ray.origin).dot(normal) / ray.direction.dot(normal);
                 (t > EPSILON && (ray.at(t) - centre).norm_squared() < radius * radius).then_some(t)
             }
+            Self::Bowl { centre, radius, axis, rim } => hit_bowl(ray, centre, *radius, axis, *rim),
         }
     }
 
     /// The outward unit normal at a point of the surface.
     pub(super) fn normal(&self, point: &V3) -> V3 {
         match self {
-            Self::Sphere { centre, .. } => (point - centre).normalize(),
+            Self::Sphere { centre, .. } | Self::Bowl { centre, .. } => (point - centre).normalize(),
             Self::Block { centre, half, axes } => {
                 let own = axes.tr_mul(&(point - centre));
                 let axis = own.component_div(half).iamax();
@@ -119,7 +131,9 @@ impl Shape {
     /// A ball that holds the shape.
     pub(super) fn bounds(&self) -> (V3, f32) {
         match self {
-            Self::Sphere { centre, radius } | Self::Disc { centre, radius, .. } => (*centre, *radius),
+            Self::Sphere { centre, radius } | Self::Disc { centre, radius, .. } | Self::Bowl { centre, radius, .. } => {
+                (*centre, *radius)
+            }
             Self::Block { centre, half, .. } => (*centre, half.norm()),
         }
     }
@@ -132,7 +146,21 @@ impl Shape {
             Self::Disc { centre, normal, radius } => {
                 centre.dot(direction) + radius * (1.0 - normal.dot(direction).powi(2)).max(0.0).sqrt()
             }
+            Self::Bowl { centre, radius, axis, rim } => {
+                let along = axis.dot(direction);
+                // The top of the ball, or the highest point of the rim where that is cut away.
+                if along * radius < *rim {
+                    return centre.dot(direction) + radius;
+                }
+                let across = (1.0 - along * along).max(0.0).sqrt();
+                centre.dot(direction) + rim * along + (radius * radius - rim * rim).max(0.0).sqrt() * across
+            }
         }
+    }
+
+    /// Can it shade or light itself?
+    pub(super) fn is_concave(&self) -> bool {
+        matches!(self, Self::Bowl { .. })
     }
 
     /// Darkens (sets to 0) the directions that this shape blocks for a point outside of it or on its surface; a convex
@@ -145,6 +173,9 @@ impl Shape {
             }
             Self::Disc { centre, normal, radius } => {
                 shade_disc(&(origin - centre), normal, *radius, directions, visible);
+            }
+            Self::Bowl { centre, radius, axis, rim } => {
+                shade_bowl(&(origin - centre), *radius, (axis, *rim), directions, visible);
             }
         }
     }
@@ -161,6 +192,17 @@ fn hit_sphere(ray: &Ray, centre: &V3, radius: f32) -> Option<f32> {
     let half = room.sqrt();
     let t = if along - half > EPSILON { along - half } else { along + half };
     (t > EPSILON).then_some(t)
+}
+
+fn hit_bowl(ray: &Ray, centre: &V3, radius: f32, axis: &V3, rim: f32) -> Option<f32> {
+    let to = centre - ray.origin;
+    let along = to.dot(&ray.direction);
+    let room = radius * radius - (to - ray.direction * along).norm_squared();
+    if room < 0.0 {
+        return None;
+    }
+    let half = room.sqrt();
+    [along - half, along + half].into_iter().find(|t| *t > EPSILON && (ray.at(*t) - centre).dot(axis) < rim)
 }
 
 fn hit_block(ray: &Ray, centre: &V3, half: &V3, axes: &Matrix3<f32>) -> Option<f32> {
@@ -213,6 +255,24 @@ fn shade_disc(from: &V3, normal: &V3, radius: f32, directions: Slices<'_>, visib
     }
 }
 
+/// `from` may lie on the bowl itself.
+fn shade_bowl(from: &V3, radius: f32, (axis, rim): (&V3, f32), directions: Slices<'_>, visible: &mut [f32]) {
+    let n = visible.len();
+    let (x, y, z) = (&directions.x[..n], &directions.y[..n], &directions.z[..n]);
+    let (outside, height) = (from.norm_squared() - radius * radius, from.dot(axis));
+    for j in 0..n {
+        let along = from.x * x[j] + from.y * y[j] + from.z * z[j];
+        let rises = axis.x * x[j] + axis.y * y[j] + axis.z * z[j];
+        let room = along * along - outside;
+        let half = room.max(0.0).sqrt();
+        let (near, far) = (-along - half, -along + half);
+        let first = (near > EPSILON) & (height + near * rises < rim);
+        let second = (far > EPSILON) & (height + far * rises < rim);
+        let blocked = (room > 0.0) & (first | second);
+        visible[j] = if blocked { 0.0 } else { visible[j] };
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use rand::{RngExt, SeedableRng};
@@ -221,18 +281,19 @@ mod tests {
     use super::*;
     use crate::simulate::sampling;
 
-    fn shapes() -> [Shape; 3] {
+    fn shapes() -> [Shape; 4] {
         [
             Shape::Sphere { centre: V3::new(0.2, -0.1, 0.3), radius: 0.5 },
             Shape::block(V3::new(-0.2, 0.1, 0.0), V3::new(0.3, 0.5, 0.2), V3::new(0.0, 0.6, 0.8), 0.7),
             Shape::Disc { centre: V3::new(0.0, -0.2, 0.1), normal: V3::new(0.36, 0.48, 0.8), radius: 0.7 },
+            Shape::Bowl { centre: V3::new(0.1, 0.1, -0.1), radius: 0.6, axis: V3::new(0.36, 0.48, 0.8), rim: 0.15 },
         ]
     }
 
     /// Signed "how far outside", from the definition of the shapes.
     fn outside(shape: &Shape, p: &V3) -> f32 {
         match shape {
-            Shape::Sphere { centre, radius } => (p - centre).norm() - radius,
+            Shape::Sphere { centre, radius } | Shape::Bowl { centre, radius, .. } => (p - centre).norm() - radius,
             Shape::Block { centre, half, axes } => {
                 let own = axes.tr_mul(&(p - centre));
                 (0..3).map(|a| own[a].abs() - half[a]).fold(f32::MIN, f32::max)
@@ -254,7 +315,15 @@ mod tests {
                 let origin = random_direction(&mut rng) * 2.0;
                 let ray = Ray { origin, direction: (random_direction(&mut rng) * 0.6 - origin).normalize() };
                 let sign = outside(&shape, &ray.origin).signum();
-                let crossing = (1..4000).map(|k| k as f32 * 1e-3).find(|t| outside(&shape, &ray.at(*t)) * sign < 0.0);
+                let crosses = |t: f32| match &shape {
+                    // The shell from either side, where it has not been cut away.
+                    Shape::Bowl { centre, axis, rim, .. } => {
+                        let side = |t: f32| outside(&shape, &ray.at(t)) < 0.0;
+                        side(t) != side(t - 1e-3) && (ray.at(t) - centre).dot(axis) < *rim
+                    }
+                    _ => outside(&shape, &ray.at(t)) * sign < 0.0,
+                };
+                let crossing = (1..4000).map(|k| k as f32 * 1e-3).find(|t| crosses(*t));
                 let inside_rim = |t: &f32| match &shape {
                     Shape::Disc { centre, radius, .. } => (ray.at(*t) - centre).norm() < *radius,
                     _ => true,
@@ -303,6 +372,46 @@ mod tests {
                 }
             }
             assert!(blocked > 100, "only {blocked} blocked");
+        }
+    }
+
+    /// From a point of a bowl: what lies before it in the bowl, or the sky through the opening.
+    #[test]
+    fn a_bowl_sees_itself() {
+        let (axis, rim) = (V3::new(0.0, 0.6, 0.8), 0.1);
+        let bowl = Shape::Bowl { centre: V3::zeros(), radius: 0.5, axis, rim };
+        let mut rng = Pcg32::seed_from_u64(8);
+        let mut bundle = Bundle::default();
+        (0..400).for_each(|_| bundle.push(random_direction(&mut rng)));
+        let (mut seen, mut open) = (0, 0);
+        for _ in 0..30 {
+            let point = random_direction(&mut rng) * 0.5;
+            if point.dot(&axis) > rim {
+                continue;
+            }
+            let mut visible = vec![1.0; 400];
+            bowl.shade(&point, bundle.slice(0..400), &mut visible);
+            for (j, v) in visible.iter().enumerate() {
+                let direction = V3::new(bundle.x[j], bundle.y[j], bundle.z[j]);
+                // The other end of the chord; outwards there is none.
+                let chord = -2.0 * point.dot(&direction);
+                let end = (point + direction * chord).dot(&axis);
+                if chord.abs() < 0.02 || (end - rim).abs() < 1e-3 {
+                    continue;
+                }
+                let blocked = chord > 0.0 && end < rim;
+                assert_eq!(*v == 0.0, blocked, "chord {chord}, {end}");
+                let hit = bowl.hit(&Ray { origin: point, direction });
+                assert!(hit.is_some() == blocked && hit.is_none_or(|t| (t - chord).abs() < 1e-4));
+                seen += usize::from(blocked);
+                open += usize::from(chord > 0.0 && !blocked);
+            }
+        }
+        assert!(seen > 500 && open > 500, "{seen}, {open}");
+        for direction in [axis, -axis, V3::x(), V3::new(0.8, 0.36, 0.48)] {
+            let points = (0..20_000).map(|_| random_direction(&mut rng) * 0.5).filter(|p| p.dot(&axis) < rim);
+            let farthest = points.map(|p| p.dot(&direction)).fold(f32::MIN, f32::max);
+            assert!((bowl.reach(&direction) - farthest).abs() < 0.01, "{direction}: {farthest}");
         }
     }
 
