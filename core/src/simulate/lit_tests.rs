@@ -103,7 +103,9 @@ fn a_spot_at_a_projectors_place_is_what_its_squares_photograph() {
     let camera = Camera::gantry(64, 48);
     let place = Gantry::above_table(&[Aim { azimuth_rad: 0.6, elevation_rad: 0.8 }.direction()], 4.0);
     let quality = Quality { samples: 64, bounces: 4, stride: 1, cone_density: 500.0, depth: 5, seed: 7 };
-    let gantry = Gantry { positions: place.clone(), ..Gantry::demo(camera, (1, 1), 12) };
+    let mut gantry = Gantry { positions: place.clone(), ..Gantry::demo(camera, (1, 1), 12) };
+    // What the mirror ball throws on the table is right in the mean, but noise at so few rays.
+    gantry.scene.objects[1].material = Material::Diffuse { albedo: [0.5; 3] };
     let rows = gantry.trace(&quality, &mut |_, _| Ok(())).unwrap();
     let place: Vec3 = place[0].cast();
     let spot = Spot::new(
@@ -121,30 +123,13 @@ fn a_spot_at_a_projectors_place_is_what_its_squares_photograph() {
     let thrown = Slide::new(stand, view, slide, Lookup::Squares).unwrap();
     let other = Quality { seed: 8, ..quality };
     let filtered = render(&gantry.scene, &camera, &field(Emitter::Slide(thrown.clone())), &other);
-    let again = render(&gantry.scene, &camera, &field(Emitter::Slide(thrown)), &Quality { seed: 99, ..quality });
     // Stops of the spot count at its own aim.
     let gain = (stand.distance / spot.frame.distance).powi(2);
     let sharp = LightField::new(vec![Source::new("it", Emitter::Spot(spot)).lit([gain; 3], 0.0)]);
     let sharp = render(&gantry.scene, &camera, &sharp, &other);
     let rough = classes(&gantry.scene, &camera).pixels(&[Class::Diffuse, Class::Glossy]);
-    for class in [Class::Diffuse, Class::Glossy] {
-        let p = classes(&gantry.scene, &camera).pixels(&[class]);
-        eprintln!(
-            "{class:?} {}: {} {}",
-            p.len(),
-            relative(&photograph, &filtered, &p),
-            relative(&photograph, &sharp, &p)
-        );
-    }
-    for (name, image) in [("photograph", &photograph), ("filtered", &filtered), ("sharp", &sharp)] {
-        std::fs::create_dir_all("/tmp/light").unwrap();
-        crate::image::write(std::path::Path::new(&format!("/tmp/light/{name}.png")), image, Default::default())
-            .unwrap();
-    }
-    eprintln!("noise {}", relative(&again, &filtered, &rough));
     let (as_squares, as_spot) = (relative(&photograph, &filtered, &rough), relative(&photograph, &sharp, &rough));
-    // Measured: FIGURES.
+    // Measured: 0.035, of which 0.024 is noise of the truth, and 0.19 for the spot that no square filters.
     assert!(as_squares < 0.05, "{as_squares}, {as_spot}");
     assert!(as_spot > as_squares && as_spot < 0.4, "{as_squares}, {as_spot}");
-    eprintln!("squares {as_squares}, spot {as_spot}");
 }
