@@ -489,6 +489,31 @@ fn screens_and_projectors_go_through_the_same_loop() {
             // Six patterns tell no 64 terms.
             (true, _) => drop(refuse(&mut pack, &["expected"])),
         }
+        if options == ["--sampler", "separable"] {
+            // 2 d n + 1 a position, and no white but the previews'.
+            for stop in 0..2 {
+                let here = |p: &&Value| {
+                    let condition = &p["condition"];
+                    ["black", "pattern", "white"].iter().any(|kind| condition[kind]["stop"] == stop)
+                };
+                let roles: Vec<&str> = set
+                    .journal("s")
+                    .iter()
+                    .filter(here)
+                    .map(|p| p["role"].as_str().unwrap().to_owned().leak() as &str)
+                    .collect();
+                let count = |role: &str| roles.iter().filter(|r| **r == role).count();
+                assert_eq!((count("black"), count("sample"), count("all-lit")), (1, 16, 0), "{roles:?}");
+            }
+            refuse(&mut set.resume("s", &["--brute-force", "3"]), &["position 3", "1 to 2"]);
+            let said = succeed(&mut set.resume("s", &["--brute-force", "2"]));
+            assert!(said.contains(&format!("{} of {}", steps + 17, steps + 17)), "{said}");
+            let last = set.journal("s").pop().unwrap();
+            assert_eq!(
+                (&last["condition"]["pattern"]["set"], &last["condition"]["pattern"]["stop"]),
+                (&"squares".into(), &1.into())
+            );
+        }
         if rig.contains("[monitor]") {
             let picture = relume_core::image::Image::from_fn(8, 8, |x, _| [x as f32 / 8.0, 0.2, 0.1]);
             relume_core::image::write(&set.path("p.png"), &picture, Default::default()).unwrap();
@@ -520,6 +545,7 @@ fn every_rig_that_ships_loads() {
         "virtual-stage.toml" => 320,
         "virtual-monitor.toml" => 256,
         "virtual-gantry.toml" => 24 * 144,
+        "thesis-gantry-224.toml" | "thesis-gantry-56.toml" => 57344,
         "thesis-arc.toml" => 1280,
         "home-dome-49.toml" => 49,
         "full-sphere-331.toml" => 331,
@@ -530,6 +556,17 @@ fn every_rig_that_ships_loads() {
         plan.arg(folder.join(rig)).arg("--session").arg(elsewhere.path().join("s")).arg("--plan");
         let said = succeed(&mut plan);
         assert!(said.contains(&format!("{}  samples", samples(rig))), "{rig}: {said}");
+    }
+    // 2 d n photographs a position, and the black one; no white (7.5).
+    for (rig, positions, sets) in [("thesis-gantry-224.toml", 224, 96), ("thesis-gantry-56.toml", 56, 192)] {
+        let mut plan = tool("capture");
+        plan.arg(folder.join(rig)).arg("--session").arg(elsewhere.path().join("s"));
+        let said = succeed(plan.args(["--sampler", "separable", "--plan"]));
+        assert!(said.contains(&format!("{}  samples", positions * sets)), "{rig}: {said}");
+        assert!(
+            said.contains(&format!("{positions}  black photographs")) && !said.contains("all white"),
+            "{rig}: {said}"
+        );
     }
 }
 

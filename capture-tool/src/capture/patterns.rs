@@ -131,6 +131,40 @@ pub fn steps(rig: &RigFile, sets: &Sets, samples: Samples) -> Vec<Step> {
     steps
 }
 
+/// Steps from here on are squares one by one of positions that sets of squares did not do for; they come after all others.
+const ONE_BY_ONE: u64 = 1 << 33;
+
+/// Black and every square of some positions (from 1, as people count them), and their set among the others. Steps of a position are the
+/// same whichever others are asked for.
+///
+/// # Errors
+/// A position that the rig does not have.
+pub fn one_by_one(rig: &RigFile, positions: &[u64], sets: &mut Sets) -> Result<Vec<Step>> {
+    let count = rig.gantry.as_ref().map_or(0, |gantry| gantry.positions.count());
+    if let Some(wrong) = positions.iter().find(|position| !(1..=count as u64).contains(position)) {
+        let expected = format!("positions from 1 to {count}");
+        return Err(Error::invalid("--brute-force", format!("position {wrong}"), expected));
+    }
+    let squares = self::sets(rig, Samples::Squares, 0)?.remove(Samples::Squares.set());
+    let all = squares.as_ref().map_or(0, PatternSet::len);
+    sets.extend(squares.map(|set| (Samples::Squares.set().to_owned(), set)));
+    let mut steps = Vec::new();
+    for stop in positions.iter().map(|position| *position as usize - 1) {
+        let first = ONE_BY_ONE + (stop * (all + 1)) as u64;
+        let step = |n: usize, condition: Condition, role: Role| Step {
+            index: first + n as u64,
+            condition,
+            role,
+            times: Times::Series { of: Role::Sample, factor: 1.0 },
+            scanned: 0,
+        };
+        steps.push(step(0, Condition::Black { stop }, Role::Black));
+        let square = |number: usize| Condition::Pattern { set: Samples::Squares.set().to_owned(), number, stop };
+        steps.extend((0..all).map(|number| step(number + 1, square(number), Role::Sample)));
+    }
+    Ok(steps)
+}
+
 /// The photographs of so many functions, were they taken coarsest first: how many there will be at most.
 pub fn functions(set: &PatternSet, count: usize, first: u64) -> Vec<Step> {
     let mut shown = 0;

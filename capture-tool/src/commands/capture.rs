@@ -42,6 +42,8 @@ Examples:
   relume capture presets/rigs/virtual-monitor.toml --session jar --sampler explicit --functions 600
   relume capture --session jar --resume --functions 1200 --threshold 0.002
   relume capture presets/rigs/virtual-monitor.toml --session bare --bare
+  relume capture presets/rigs/virtual-gantry.toml --session toys --sampler separable --influence 4
+  relume capture --session toys --resume --brute-force 7,12
 
 The scene of a virtual rig is computed once and kept in the cache folder (the variable RELUME_CACHE, or the system's).
 Ctrl-C finishes the photograph in flight, switches the lamps off and says how to go on; a second one gives up the photograph in
@@ -81,6 +83,12 @@ pub struct Arguments {
     /// are more than noise do [default: the rig file's].
     #[arg(long, value_name = "X", allow_negative_numbers = true, value_parser = values::share)]
     threshold: Option<f64>,
+    /// With --sampler separable: light every so many squares of a line together [default: the rig file's].
+    #[arg(long, value_name = "D", conflicts_with = "resume", value_parser = values::at_least_one)]
+    influence: Option<usize>,
+    /// With --sampler separable: photograph these positions square by square as well; `relume pack` says which need it.
+    #[arg(long, value_name = "N,N-M", value_parser = values::numbers)]
+    brute_force: Option<values::Numbers>,
     /// Photograph the bare screen, the object taken away: calibration patterns, black, white, and what --reference shows later.
     #[arg(long, conflicts_with_all = ["sampler", "functions", "threshold"])]
     bare: bool,
@@ -160,7 +168,15 @@ impl Arguments {
 
     fn job(&self) -> anyhow::Result<Job> {
         let (rig, sampler) = self.rig_and_sampler()?;
-        let (sets, mut steps) = steps(&rig, sampler)?;
+        let (mut sets, mut steps) = steps(&rig, sampler)?;
+        if let Some(positions) = &self.brute_force {
+            anyhow::ensure!(
+                sampler == SamplerChoice::Separable,
+                "--brute-force is for --sampler separable; --sampler {} lights nothing in sets of squares",
+                sampler.id()
+            );
+            steps.extend(patterns::one_by_one(&rig, &positions.0, &mut sets)?);
+        }
         let picture = self.picture(&rig)?;
         if let Some((_, name)) = &picture {
             steps = vec![self.picture_step(name)?];
@@ -254,8 +270,16 @@ impl Arguments {
         Ok((self.with_flags(capture.rig, asked)?, asked))
     }
 
-    /// The rig, with what flags say of explicit sampling.
+    /// The rig, with what flags say of explicit sampling and of sets of squares.
     fn with_flags(&self, mut rig: RigFile, sampler: SamplerChoice) -> anyhow::Result<RigFile> {
+        if let Some(influence) = self.influence {
+            let separable = sampler == SamplerChoice::Separable;
+            let Some(gantry) = rig.gantry.as_mut().filter(|_| separable) else {
+                anyhow::bail!("--influence is for --sampler separable with a projector");
+            };
+            gantry.influence = influence;
+            gantry.check_squares("--influence")?;
+        }
         if self.functions.is_none() && self.threshold.is_none() {
             return Ok(rig);
         }

@@ -153,14 +153,16 @@ impl GantryPack<'_> {
             let place = format!("position {}", stop + 1);
             let again = "go on with `relume capture --resume`";
             let Some(black) = self.records.find(Role::Black, &Condition::Black { stop }) else {
-                let expected =
-                    format!("one: a projector's black is light, and is subtracted from every photograph (7.3); {again}");
+                let expected = format!(
+                    "one: a projector's black is light, and is subtracted from every photograph (7.3); {again}"
+                );
                 return Err(Error::invalid(place, "no black photograph", expected));
             };
             let patterns: Vec<Option<&Photograph>> = (0..count).map(|n| found.get(&(stop, n)).copied()).collect();
             if let Some(missing) = patterns.iter().position(Option::is_none) {
                 let lost = patterns.iter().filter(|p| p.is_none()).count();
-                let found = format!("{lost} of {count} patterns without a photograph, {} {} first", self.set(), missing + 1);
+                let found =
+                    format!("{lost} of {count} patterns without a photograph, {} {} first", self.set(), missing + 1);
                 return Err(Error::invalid(place, found, format!("all of them; {again}")));
             }
             Ok(AtPosition { black, patterns: patterns.into_iter().flatten().collect() })
@@ -253,7 +255,8 @@ impl GantryPack<'_> {
         // White facing the projector is taken as the white code of the middle exposure.
         let frames = positions.first().and_then(|position| position.patterns.first()).map(|p| &p.frames);
         let middle = frames.and_then(|frames| frames.get(frames.len() / 2)?.exposure.as_ref()).map(relative);
-        let exposure = middle.ok_or_else(|| Error::invalid("the session", "no exposure times", "photographs with them"))?;
+        let exposure =
+            middle.ok_or_else(|| Error::invalid("the session", "no exposure times", "photographs with them"))?;
         Ok(exposure as f32)
     }
 
@@ -276,7 +279,8 @@ impl GantryPack<'_> {
             return Err(Error::invalid(place, found, format!("{} x {}, as the others", size.0, size.1)));
         }
         let factors = self.gains.map(|gain| gain * unit);
-        for (pixel, black) in picture.data_mut().as_chunks_mut::<3>().0.iter_mut().zip(black.data().as_chunks::<3>().0) {
+        for (pixel, black) in picture.data_mut().as_chunks_mut::<3>().0.iter_mut().zip(black.data().as_chunks::<3>().0)
+        {
             (0..3).for_each(|c| pixel[c] = (pixel[c] - black[c]) * factors[c]);
         }
         Ok((picture, merged.report.clipped_everywhere.rgb.iter().sum::<f64>() / 3.0))

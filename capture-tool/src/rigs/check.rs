@@ -44,6 +44,39 @@ impl EmitterChoice {
     }
 }
 
+impl GantryRig {
+    /// Checks the squares: what can be lit together, and drawn.
+    ///
+    /// # Errors
+    /// At `place`: an influence without squares, or so small that squares overlap; texels that do not draw them.
+    pub fn check_squares(&self, place: &str) -> Result<()> {
+        let Self { squares, influence, filter, texels, .. } = *self;
+        if filter != Filter::Box && texels < 2 {
+            let expected = format!("2 or more, say 4, pixels along a square of filter = \"{}\"", filter.id());
+            return refuse(place, "texels", texels.to_string(), &expected);
+        }
+        if self.pixels() > MOST_PIXELS {
+            let found = format!("{squares} squares of {texels} texels");
+            return refuse(place, "texels", found, &format!("{MOST_PIXELS} projector pixels a side at most"));
+        }
+        if !(1..=squares).contains(&influence) {
+            let expected =
+                format!("1 to {squares}, the squares along a side: every so many of them are lit together (7.5)");
+            return refuse(place, "influence", influence.to_string(), &expected);
+        }
+        let least = (2.0 * filter.reach()).ceil() as usize;
+        if influence < least {
+            let expected = format!(
+                "{least} or more: squares of filter = \"{}\" reach {} squares to either side, and those lit together must not overlap",
+                filter.id(),
+                filter.reach()
+            );
+            return refuse(place, "influence", influence.to_string(), &expected);
+        }
+        Ok(())
+    }
+}
+
 impl RigFile {
     /// Reads and checks a rig file.
     ///
@@ -236,40 +269,12 @@ impl RigFile {
         }
         if let Some(gantry) = &self.gantry {
             in_range(place, &[("squares", gantry.squares, 1..=256), ("texels", gantry.texels, 1..=64)])?;
-            check_squares(place, gantry)?;
+            gantry.check_squares(place)?;
             in_range(place, &[("distance", gantry.distance, 0.1..=1e4), ("view_deg", gantry.view_deg, 0.1..=160.0)])?;
             in_range(place, &[("lean_deg", gantry.lean_deg, -90.0..=90.0)])?;
         }
         Ok(())
     }
-}
-
-/// The squares of a projector: what can be lit together, and drawn.
-fn check_squares(place: &str, gantry: &GantryRig) -> Result<()> {
-    let GantryRig { squares, influence, filter, texels, .. } = *gantry;
-    if filter != Filter::Box && texels < 2 {
-        let expected = format!("2 or more, say 4, pixels along a square of filter = \"{}\"", filter.id());
-        return refuse(place, "texels", texels.to_string(), &expected);
-    }
-    if gantry.pixels() > MOST_PIXELS {
-        let found = format!("{squares} squares of {texels} texels");
-        return refuse(place, "texels", found, &format!("{MOST_PIXELS} projector pixels a side at most"));
-    }
-    if !(1..=squares).contains(&influence) {
-        let expected =
-            format!("1 to {squares}, the squares along a side: every so many of them are lit together (7.5)");
-        return refuse(place, "influence", influence.to_string(), &expected);
-    }
-    let least = (2.0 * filter.reach()).ceil() as usize;
-    if influence < least {
-        let expected = format!(
-            "{least} or more: squares of filter = \"{}\" reach {} squares to either side, and those lit together must not overlap",
-            filter.id(),
-            filter.reach()
-        );
-        return refuse(place, "influence", influence.to_string(), &expected);
-    }
-    Ok(())
 }
 
 fn refuse(place: &str, key: &str, found: String, expected: &str) -> Result<()> {

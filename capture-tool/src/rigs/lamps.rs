@@ -23,6 +23,12 @@ pub enum Lamps {
         latitudes: usize,
         /// Stops of the turntable.
         longitudes: usize,
+        /// Azimuth of the first stop, degrees.
+        #[serde(default, skip_serializing_if = "is_zero")]
+        first_deg: f64,
+        /// What the stops are spread over, evenly: less than a turn is a part of the hemisphere.
+        #[serde(default = "whole_turn", skip_serializing_if = "is_whole_turn")]
+        span_deg: f64,
     },
     /// A fixed dome: rings about +y.
     Rings {
@@ -44,6 +50,18 @@ pub enum Lamps {
         /// x right, y up, z to the camera.
         directions: Vec<[f64; 3]>,
     },
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+fn whole_turn() -> f64 {
+    360.0
+}
+
+fn is_whole_turn(value: &f64) -> bool {
+    *value == whole_turn()
 }
 
 /// A ring of lamps.
@@ -82,6 +100,16 @@ impl Lamps {
             let found = format!("elevation_deg = {}, first_deg = {}", ring.elevation_deg, ring.first_deg);
             return Err(Error::invalid(place, found, "degrees from -90 to 90, and a finite first one"));
         }
+        if let Lamps::Arc { first_deg, span_deg, .. } = self
+            && !(first_deg.is_finite() && *span_deg > 0.0 && *span_deg <= whole_turn())
+        {
+            let found = format!("first_deg = {first_deg}, span_deg = {span_deg}");
+            return Err(Error::invalid(
+                place,
+                found,
+                "a finite first azimuth, and a span above 0 and up to 360 degrees",
+            ));
+        }
         let count = self.count();
         if !(1..=MOST).contains(&count) {
             return Err(Error::invalid(place, format!("{count} lamps"), format!("1 to {MOST}")));
@@ -92,7 +120,7 @@ impl Lamps {
     /// Lamps in all: columns of `T`.
     pub fn count(&self) -> usize {
         match self {
-            Lamps::Arc { latitudes, longitudes } => latitudes.saturating_mul(*longitudes),
+            Lamps::Arc { latitudes, longitudes, .. } => latitudes.saturating_mul(*longitudes),
             Lamps::Rings { rings } => rings.iter().fold(0usize, |sum, ring| sum.saturating_add(ring.count)),
             Lamps::Sphere { count } => *count,
             Lamps::File { .. } => 0,
@@ -118,11 +146,12 @@ impl Lamps {
     /// Unit vectors from the object to the lamps, in order.
     pub fn directions(&self) -> Vec<Vec3> {
         match self {
-            Lamps::Arc { latitudes, longitudes } => {
+            Lamps::Arc { latitudes, longitudes, first_deg, span_deg } => {
                 let at = |lamp: usize| {
                     let (stop, bulb) = (lamp / latitudes, lamp % latitudes);
                     let elevation = PI / 2.0 * (bulb as f64 + 0.5) / *latitudes as f64;
-                    direction(elevation, 2.0 * PI * stop as f64 / *longitudes as f64)
+                    let azimuth_deg = first_deg + span_deg * stop as f64 / *longitudes as f64;
+                    direction(elevation, azimuth_deg.to_radians())
                 };
                 (0..latitudes * longitudes).map(at).collect()
             }
@@ -158,9 +187,27 @@ fn direction(elevation_rad: f64, azimuth_rad: f64) -> Vec3 {
 mod tests {
     use super::*;
 
+    fn arc(latitudes: usize, longitudes: usize) -> Lamps {
+        Lamps::Arc { latitudes, longitudes, first_deg: 0.0, span_deg: 360.0 }
+    }
+
+    /// Eight stops over a quarter turn, each in the middle of its part.
+    #[test]
+    fn a_part_of_the_hemisphere_can_be_said() {
+        let text = "layout = \"arc\"\nlatitudes = 7\nlongitudes = 8\nfirst_deg = 5.625\nspan_deg = 90.0\n";
+        let quarter: Lamps = toml::from_str(text).unwrap();
+        quarter.check("rig.toml").unwrap();
+        let directions = quarter.directions();
+        assert_eq!((directions.len(), quarter.stops(), quarter.per_stop()), (56, 8, 7));
+        let azimuths: Vec<f64> = directions.iter().map(|d| d.x.atan2(d.z).to_degrees()).collect();
+        let (low, high) = azimuths.iter().fold((360.0f64, 0.0f64), |(low, high), a| (low.min(*a), high.max(*a)));
+        assert!((low - 5.625).abs() < 1e-9 && (high - 84.375).abs() < 1e-9, "{low}, {high}");
+        assert_eq!(toml::to_string(&arc(7, 8)).unwrap(), "layout = \"arc\"\nlatitudes = 7\nlongitudes = 8\n");
+    }
+
     #[test]
     fn an_arc_does_all_latitudes_of_a_stop_first() {
-        let arc = Lamps::Arc { latitudes: 3, longitudes: 4 };
+        let arc = arc(3, 4);
         assert_eq!((arc.count(), arc.stops(), arc.per_stop()), (12, 4, 3));
         let d = arc.directions();
         assert!((d[0] - Vec3::new(0.0, 15f64.to_radians().sin(), 15f64.to_radians().cos())).norm() < 1e-12);
@@ -188,7 +235,9 @@ mod tests {
         for lamps in [
             Lamps::Sphere { count: 0 },
             Lamps::Sphere { count: 1 << 40 },
-            Lamps::Arc { latitudes: usize::MAX, longitudes: 3 },
+            arc(usize::MAX, 3),
+            Lamps::Arc { latitudes: 2, longitudes: 3, first_deg: f64::NAN, span_deg: 90.0 },
+            Lamps::Arc { latitudes: 2, longitudes: 3, first_deg: 0.0, span_deg: 0.0 },
             Lamps::Rings { rings: vec![Ring { elevation_deg: 91.0, count: 3, first_deg: 0.0 }] },
             Lamps::Rings { rings: vec![Ring { elevation_deg: f64::NAN, count: 3, first_deg: 0.0 }] },
             Lamps::List { directions: vec![[0.0, 0.0, 2.0]] },

@@ -202,7 +202,8 @@ fn virtual_monitor(rig: &MonitorRig, scene: SceneChoice, camera: Camera) -> Moni
     }
 }
 
-fn virtual_gantry(rig: &GantryRig, scene: SceneChoice, camera: Camera) -> Gantry {
+/// The projector of a rig before a scene.
+pub fn virtual_gantry(rig: &GantryRig, scene: SceneChoice, camera: Camera) -> Gantry {
     let scene = match scene {
         SceneChoice::Convex => Scene::convex(),
         SceneChoice::Bowl => Scene::bowl(),

@@ -24,6 +24,7 @@
 //! | [`lamp_table`] | irradiances and places of lamps as a file |
 //! | [`failed`] | lamps that were dark or hidden, found from the set's own smoothness |
 //! | [`Correction`], [`patch`], [`white`](fn@white) | white balance from a patch of known reflectance |
+//! | [`white_patch`](fn@white_patch) | the same of a patch under a projector's white (7.3) |
 //! | [`chart`] | a colour matrix from a chart of 24 patches |
 //! | [`emitter`] | what light the codes of a screen become |
 //! | [`screen`] | which place of a screen each pixel sees |
@@ -48,5 +49,7 @@ pub mod survey;
 mod tests;
 mod white;
 pub mod white_ball;
+mod white_patch;
 
 pub use white::{Correction, patch, white};
+pub use white_patch::white_patch;

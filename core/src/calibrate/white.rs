@@ -80,21 +80,36 @@ impl Correction {
 /// # Errors
 /// A window that is empty or not inside the picture; a patch that is clipped or too dark to have a colour.
 pub fn patch(photograph: &Image, window: Window, place: &str) -> Result<[f64; 3]> {
+    let refuse = |found: &str| {
+        let advice = "a patch that is neither clipped nor black; photograph it at another exposure";
+        Err(Error::invalid(place, found, advice))
+    };
+    match mean_of(photograph, &samples(photograph, window, place)?) {
+        Some(mean) if mean.iter().all(|v| *v >= DARK) => Ok(mean),
+        Some(_) => refuse("a patch that is black in at least one channel"),
+        None => refuse("a patch that is clipped"),
+    }
+}
+
+/// The mean colour of a patch of light in any unit, however dark; clipped where the photograph looks like codes.
+///
+/// # Errors
+/// A window that is empty or not inside the picture; a patch that is clipped.
+pub(super) fn patch_of_light(photograph: &Image, window: Window, place: &str) -> Result<[f64; 3]> {
+    let mean = mean_of(photograph, &samples(photograph, window, place)?);
+    mean.ok_or_else(|| Error::invalid(place, "a patch that is clipped", "shorter exposures"))
+}
+
+/// The colours of a window.
+fn samples(photograph: &Image, window: Window, place: &str) -> Result<Vec<[f32; 3]>> {
     let (width, height) = photograph.size();
-    let refuse = |found: String, expected: String| Err(Error::invalid(place, found, expected));
     let Window { x0, y0, x1, y1 } = window;
     if window.is_empty() || x1 > width || y1 > height {
         let found = format!("a patch from {x0},{y0} to {x1},{y1}");
-        return refuse(found, format!("at least one pixel, inside {width} x {height}"));
+        return Err(Error::invalid(place, found, format!("at least one pixel, inside {width} x {height}")));
     }
     let pixels = (y0..y1).flat_map(|y| (x0..x1).map(move |x| photograph.pixel(x, y)));
-    let samples: Vec<[f32; 3]> = pixels.map(|p| [p[0], p[1], p[2]]).collect();
-    let advice = "a patch that is neither clipped nor black; photograph it at another exposure";
-    match mean_of(photograph, &samples) {
-        Some(mean) if mean.iter().all(|v| *v >= DARK) => Ok(mean),
-        Some(_) => refuse("a patch that is black in at least one channel".to_owned(), advice.to_owned()),
-        None => refuse("a patch that is clipped".to_owned(), advice.to_owned()),
-    }
+    Ok(pixels.map(|p| [p[0], p[1], p[2]]).collect())
 }
 
 /// The mean of samples of a photograph; `None` where they are clipped.

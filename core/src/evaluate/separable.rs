@@ -87,6 +87,13 @@ impl<'a> Study<'a> {
         self.photograph(&vec![1.0; self.side * self.side])
     }
 
+    /// Column and row of the square whose photograph has most light.
+    pub fn brightest(&self) -> (usize, usize) {
+        let light = |n: usize| self.truth[n].data().iter().map(|v| f64::from(*v)).sum::<f64>();
+        let best = (0..self.truth.len()).max_by(|a, b| light(*a).total_cmp(&light(*b))).unwrap_or(0);
+        (best % self.side, best / self.side)
+    }
+
     /// The true photograph of a square.
     pub fn truth(&self, column: usize, row: usize) -> &Image {
         &self.truth[row * self.side + column]

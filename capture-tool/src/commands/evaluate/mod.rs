@@ -6,6 +6,7 @@
 //! | `compression` | how well few coefficients stand for reflectance functions, and compact fields for samples |
 //! | `explicit` | how well functions shown on a screen one by one capture what stands before it |
 //! | `reference` | relit pictures against photographs under the same picture on a screen |
+//! | `separable` | how well squares are recovered from sets of them, and whether the map tells where not |
 //! | `implicit` | how well implicit sampling relights, by terms and patterns |
 //! | `inputs` | flags that both take |
 //! | `lines` | line charts |
@@ -21,6 +22,7 @@ mod page;
 mod pictures;
 mod reconstruction;
 mod reference;
+mod separable;
 
 use clap::Subcommand;
 
@@ -37,6 +39,8 @@ pub enum Subject {
     Explicit(explicit::Arguments),
     /// Solve the virtual monitor by implicit sampling, and measure errors by terms and patterns.
     Implicit(implicit::Arguments),
+    /// Recover squares of a virtual projector from horizontal and vertical sets, and measure errors and the reliability map.
+    Separable(separable::Arguments),
 }
 
 impl Subject {
@@ -48,6 +52,7 @@ impl Subject {
             Subject::Compression(arguments) => arguments.run(),
             Subject::Explicit(arguments) => arguments.run(),
             Subject::Implicit(arguments) => arguments.run(),
+            Subject::Separable(arguments) => arguments.run(),
         }
     }
 }

@@ -55,11 +55,7 @@ impl GantryFlags {
     /// Refuses flags of projectors for another rig.
     pub(super) fn refuse(&self, what: &str) -> anyhow::Result<()> {
         let Self { store, error, intensity } = self;
-        let given = [
-            (store.is_some(), "--store"),
-            (error.is_some(), "--error"),
-            (intensity.is_some(), "--intensity"),
-        ];
+        let given = [(store.is_some(), "--store"), (error.is_some(), "--error"), (intensity.is_some(), "--intensity")];
         match given.iter().find(|(given, _)| *given) {
             Some((_, flag)) => anyhow::bail!("{flag} is for sessions of a projector; this makes {what}"),
             None => Ok(()),

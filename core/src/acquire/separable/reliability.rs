@@ -107,11 +107,11 @@ impl Reliability {
         }
         let advice = match self.larger_influence(threshold) {
             Some((larger, left)) => format!(
-                "take --influence {larger}, which would leave about {:.0} %, or brute force (--sampler scan) for this position",
+                "take --influence {larger}, which would leave about {:.0} %, or brute force for this position (--brute-force)",
                 100.0 * left
             ),
             None => {
-                "take brute force (--sampler scan) for this position: no larger influence saves photographs".to_owned()
+                "take brute force for this position (--brute-force): no larger influence saves photographs".to_owned()
             }
         };
         Some(format!(
