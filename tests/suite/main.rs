@@ -18,6 +18,7 @@ mod lights;
 mod look;
 mod matte_effect;
 mod monitor;
+mod near_effect;
 mod patterns;
 mod photographs;
 mod plugin;
