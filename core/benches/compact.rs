@@ -129,6 +129,7 @@ fn stage(path: &Path) -> Result<()> {
         largest: stage.largest(),
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::json!({"source": "virtual stage"}),
     };
     write(path, &contents, &mut stage.bands(&mut |_, _| Ok(())))

@@ -226,6 +226,7 @@ fn make(case: &Case, path: &Path) -> Result<()> {
         largest: 1.0,
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::Value::Null,
     };
     write(path, &contents, &mut Noise)

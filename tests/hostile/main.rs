@@ -9,13 +9,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rand::{RngExt, SeedableRng};
 use relume_core::Result;
-use relume_core::domain::Directions;
+use relume_core::domain::{Directions, Domain, Filter, Gantry};
 use relume_core::field::compress::{Scheme, compress};
-use relume_core::field::{Access, Asset, Bands, Contents, Kind, Precision, write};
+use relume_core::field::{
+    Access, Asset, Bands, BlockTerms, Contents, Kind, Precision, TermBands, TermBasis, write, write_terms,
+};
 use relume_core::image::{Image, Window};
 use relume_core::math::Vec3;
 use relume_core::reconstruct::Method;
-use relume_core::relight::{Light, Look, Relighter};
+use relume_core::relight::{Dual, Light, Look, Relighter};
 use relume_core::wavelet::Wavelet;
 
 /// Counts what is allocated, and the most that ever was.
@@ -58,20 +60,53 @@ impl Bands for Ramp {
     }
 }
 
-fn container(path: &Path) {
-    let contents = Contents {
+/// A term in every pixel that there is, at locations 0 to 7 in turn.
+struct Scattered;
+
+impl TermBands for Scattered {
+    fn fill(&mut self, bx: usize, by: usize, block: &mut BlockTerms) -> Result<()> {
+        for (k, count) in block.counts.iter_mut().enumerate() {
+            if bx * 16 + k % 16 < 40 && by * 8 + k / 16 < 30 {
+                *count = 1;
+                block.locations.push(k as u32 % 8);
+                block.coefficients.push([0.5, 0.25, 1.0]);
+            }
+        }
+        Ok(())
+    }
+}
+
+fn contents(domain: Domain, strengths: usize) -> Contents {
+    Contents {
         colour_space: Default::default(),
-        domain: Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y(), -Vec3::x()]).unwrap().into(),
-        irradiance: vec![1.0; 4],
+        domain,
+        irradiance: vec![1.0; strengths],
         width: 40,
         height: 30,
         precision: Precision::Half,
         largest: 1.0,
         ambient: Some(Image::new(40, 30, 3)),
         alpha: Some(vec![1.0; 1200]),
+        reliability: None,
         provenance: serde_json::json!({"source": "test"}),
+    }
+}
+
+fn container(path: &Path) {
+    let lamps = Directions::new(vec![Vec3::z(), Vec3::x(), Vec3::y(), -Vec3::x()]).unwrap();
+    write(path, &contents(lamps.into(), 4), &mut Ramp).unwrap();
+}
+
+/// A projector's field: samples and tiles of low rank at `path`, terms at `terms`.
+fn projector(path: &Path, terms: &Path) {
+    let gantry = || {
+        let places = [Vec3::new(0.0, 0.5, 4.0), Vec3::new(3.0, 3.0, 1.0)];
+        contents(Gantry::looking_at_origin(&places, 2, 0.6, Filter::Box).unwrap().into(), 2)
     };
-    write(path, &contents, &mut Ramp).unwrap();
+    write(path, &gantry(), &mut Ramp).unwrap();
+    let asset = Asset::open(path, Access::Read).unwrap();
+    compress(&asset, path, &Scheme::Factored { error: 0.01 }, &Kind::ALL, &mut |_, _, _| Ok(())).unwrap();
+    write_terms(terms, &gantry(), (TermBasis::Wavelet(Wavelet::Haar), None), &mut Scattered).unwrap();
 }
 
 /// Every compact representation of a container, beside the samples.
@@ -129,6 +164,11 @@ fn used(path: &Path, access: Access) -> Result<()> {
         let weights = relighter.weights(Light::Lamp(1), &look)?;
         relighter.render(&weights, &look, Window::full(w, h))?;
         relighter.asset().errors(kind)?;
+        if relighter.gantry().is_some() {
+            let white = Image::from_fn(w, h, |_, _| [1.0; 3]);
+            let dual = Dual::new(relighter.asset(), true)?;
+            dual.pictures(&white, kind, 0..dual.views(), &mut |_, _| Ok(()))?;
+        }
     }
     verified
 }
@@ -140,7 +180,9 @@ fn mutated_containers_never_panic_or_over_allocate() {
     container(&path);
     let several = folder.path().join("b.rfield");
     compact(&path, &several);
-    let originals = [&path, &several].map(|path| {
+    let (projected, terms) = (folder.path().join("c.rfield"), folder.path().join("d.rfield"));
+    projector(&projected, &terms);
+    let originals = [&path, &several, &projected, &terms].map(|path| {
         used(path, Access::Mapped).unwrap();
         std::fs::read(path).unwrap()
     });
@@ -149,7 +191,7 @@ fn mutated_containers_never_panic_or_over_allocate() {
         let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
         // A new file each time: a mapped one is never changed in place.
         let variant = folder.path().join(format!("{seed}.rfield"));
-        std::fs::write(&variant, mutated(&originals[seed as usize / 2 % 2], &mut rng)).unwrap();
+        std::fs::write(&variant, mutated(&originals[seed as usize / 2 % originals.len()], &mut rng)).unwrap();
         let access = if seed % 2 == 0 { Access::Mapped } else { Access::Read };
         let before = HELD.load(Ordering::Relaxed);
         PEAK.store(before, Ordering::Relaxed);

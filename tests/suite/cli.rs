@@ -35,7 +35,7 @@ impl Set {
     }
 
     /// Five lamps over the front hemisphere.
-    fn small() -> Self {
+    pub(crate) fn small() -> Self {
         let s = 0.5f64.sqrt();
         Self::new(&[[0.0, 0.0, 1.0], [s, 0.0, s], [-s, 0.0, s], [0.0, s, s], [0.0, -s, s]], SIZE, "tif")
     }

@@ -29,6 +29,7 @@ pub fn field(folder: &Path, name: &str, lamps: Vec<Vec3>) -> PathBuf {
         largest: stage.largest(),
         ambient: None,
         alpha: Some(classes(&scene, &camera).alpha),
+        reliability: None,
         provenance: Value::Null,
         colour_space: Default::default(),
     };

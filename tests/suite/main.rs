@@ -5,6 +5,7 @@ mod cli;
 mod cli_sets;
 mod compact;
 mod compression;
+mod dual;
 mod evaluate;
 mod exchange;
 mod explicit;

@@ -121,6 +121,7 @@ fn write_asset(path: &Path, domain: Domain, irradiance: &[f32]) {
         largest: 1.0,
         ambient: Some(Image::from_fn(SIZE.0, SIZE.1, |x, y| [x as f32 / 100.0, y as f32 / 100.0, 0.1])),
         alpha: Some((0..SIZE.0 * SIZE.1).map(alpha).collect()),
+        reliability: None,
         provenance: serde_json::Value::Null,
     };
     write(path, &contents, &mut Formula { elements }).unwrap();

@@ -94,6 +94,7 @@ fn write_asset(path: &Path) {
         largest: 1.0,
         ambient: Some(Image::from_fn(WIDTH, HEIGHT, |x, y| [x as f32 / 100.0, y as f32 / 100.0, 0.1])),
         alpha: Some((0..WIDTH * HEIGHT).map(alpha).collect()),
+        reliability: None,
         provenance: serde_json::Value::Null,
     };
     write(path, &contents, &mut Formula).unwrap();

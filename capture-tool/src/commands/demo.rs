@@ -136,6 +136,7 @@ fn photograph(scene: &Scene, camera: Camera, lamps: &Directions, seen: &ClassMap
         largest: stage.largest(),
         ambient: None,
         alpha: Some(seen.alpha.clone()),
+        reliability: None,
         provenance: serde_json::json!({
             "source": "virtual stage", "scene": "demo", "lamps": lamps.len(), "samples": quality.samples,
             "bounces": quality.bounces, "depth": quality.depth, "seed": quality.seed,

@@ -20,6 +20,8 @@ pub(super) enum LayerChoice {
     Albedo,
     /// What is seen with every lamp off.
     Ambient,
+    /// Where squares that a projector showed together could be told apart: 1 is well.
+    Reliability,
 }
 
 impl LayerChoice {
@@ -29,6 +31,7 @@ impl LayerChoice {
             Self::Normals => Layer::Normals,
             Self::Albedo => Layer::Albedo,
             Self::Ambient => Layer::Ambient,
+            Self::Reliability => Layer::Reliability,
         }
     }
 

@@ -1,15 +1,17 @@
-//! `relume lightings`: the lightings that ship, as a list or as files to start from.
+//! `relume lightings`: the lightings that ship, far ones and light fields, as a list or as files to start from.
 
 use std::fmt::Write;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
+use relume_core::settings::light4d;
 use relume_core::settings::lighting::{PRESETS, preset};
 
 const EXAMPLES: &str = "\
 Examples:
   relume lightings
   relume lightings three-point
+  relume lightings venetian-blinds
 
 A lighting file is a list of lamps:
 
@@ -26,7 +28,10 @@ A lighting file is a list of lamps:
 A disc has a `radius`, a ring `inner` and `outer`, all in degrees; a softbox can have a `turn` in
 its plane. A dome has no azimuth and elevation but `horizon_kelvin` or `horizon_rgb`, `horizon_stops`
 (horizon against zenith) and `ground` (albedo of the ground); its stops count from one that gives a
-white diffuser facing the zenith the value 1.";
+white diffuser facing the zenith the value 1.
+
+A light file of --light4d has these kinds too, and spots, points, areas, slides, suns, maps and grids of
+probes at places of their own, behind blinds if you like: print one of the light fields to start from.";
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -34,7 +39,7 @@ white diffuser facing the zenith the value 1.";
 pub struct Arguments {
     /// Print this lighting's file, to save and change; without it all are listed.
     #[arg(value_name = "NAME", hide_possible_values = true,
-          value_parser = PossibleValuesParser::new(PRESETS.iter().map(|preset| preset.id)))]
+          value_parser = PossibleValuesParser::new(names()))]
     name: Option<String>,
 }
 
@@ -44,10 +49,21 @@ impl Arguments {
         if let Some(preset) = self.name.as_deref().and_then(preset) {
             return Ok(preset.text.to_owned());
         }
+        if let Some(preset) = self.name.as_deref().and_then(light4d::preset) {
+            return Ok(preset.text.to_owned());
+        }
         let mut text = String::from("For relight --lighting NAME; `relume lightings NAME` prints the file.\n\n");
         for preset in PRESETS {
-            writeln!(text, "  {:14} {}", preset.id, preset.load()?.about)?;
+            writeln!(text, "  {:16} {}", preset.id, preset.load()?.about)?;
+        }
+        text += "\nFor relight --light4d NAME, of fields that a projector made:\n\n";
+        for preset in light4d::PRESETS {
+            writeln!(text, "  {:16} {}", preset.id, preset.load()?.about)?;
         }
         Ok(text)
     }
+}
+
+fn names() -> impl Iterator<Item = &'static str> {
+    PRESETS.iter().map(|preset| preset.id).chain(light4d::PRESETS.iter().map(|preset| preset.id))
 }

@@ -6,6 +6,7 @@ mod capture;
 mod compare;
 mod compress;
 mod demo;
+mod dual;
 mod evaluate;
 mod export;
 mod hdr;
@@ -53,6 +54,8 @@ pub enum Command {
     Probe(probe::Arguments),
     /// Light a captured object anew.
     Relight(relight::Arguments),
+    /// See the scene from the side of the light: from the projector, lit by the camera (dual light transport).
+    Dual(dual::Arguments),
     /// Put an object that was photographed before a screen before another picture.
     Matte(matte::Arguments),
     /// Light a captured object with lights that turn, fade and change: a picture a frame.
@@ -94,6 +97,7 @@ impl Command {
             Command::Capture(arguments) => arguments.run(),
             Command::Pack(arguments) => arguments.run(),
             Command::Merge(arguments) => arguments.run(),
+            Command::Dual(arguments) => arguments.run(),
             Command::Matte(arguments) => arguments.run(),
             Command::Import(source) => source.run(),
             Command::Export(target) => target.run(),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
 use relume_core::field::{Access, Asset};
-use relume_core::illumination::{Beam, EnvMap};
+use relume_core::illumination::{Beam, EnvMap, LightField};
 use relume_core::image::{self, ColourSpace, Conversion, EncodeOptions, Image, Window};
 use relume_core::matte::{Backdrop, Beyond, Place};
 use relume_core::reconstruct::Outside;
@@ -26,6 +26,8 @@ Examples:
   relume relight vase.rfield --env aces.exr --map-space aces2065_1 --output-space acescg -o vase.exr
   relume relight vase.rfield --lamp 17 -o lamp17.exr
   relume relight glass.rfield --plane street.exr -o glass.exr
+  relume relight chess.rfield --light4d venetian-blinds -o blinds.exr
+  relume relight chess.rfield --light4d beams.toml --flat -o beams-2d.exr
   relume relight vase.rfield --layer normals -o normals.exr";
 
 /// About how much of the field is streamed between two looks at Ctrl-C.
@@ -45,6 +47,9 @@ pub struct Arguments {
     output: PathBuf,
     #[command(flatten)]
     light: LightArguments,
+    /// Take the light of --light4d everywhere as it is in the middle of the object, as an environment map of it would.
+    #[arg(long, requires = "light4d")]
+    flat: bool,
     #[arg(long, value_name = "FORM", help = settings::REPRESENTATION.hint,
           value_parser = values::choice(&settings::REPRESENTATION),
           default_value = values::neutral_option(&settings::REPRESENTATION))]
@@ -89,6 +94,10 @@ struct LightArguments {
     /// white screen. (`relume matte` puts the object before a plate, and the plate where the screen was.)
     #[arg(long, value_name = "IMG", conflicts_with_all = LAT_LONG_FLAGS)]
     plane: Option<PathBuf>,
+    /// The light: spots, slides, blinds, near lamps and grids of probes, which differ from point to point, in a light file (.toml) or by a
+    /// name of `relume lightings`. For fields of a projector; --flat takes it to any other.
+    #[arg(long, value_name = "NAME|FILE", conflicts_with_all = TEXEL_FLAGS)]
+    light4d: Option<String>,
     /// In place of a light: a layer of the asset as it is. Normals are in the stage frame (+x right, +y up, +z to the camera);
     /// .png and .jpg, which hold nothing below zero, get (n + 1) / 2.
     #[arg(long, value_enum, value_name = "LAYER", conflicts_with_all = LIGHT_FLAGS)]
@@ -110,6 +119,31 @@ impl From<AccessChoice> for Access {
     }
 }
 
+impl LightArguments {
+    /// The one that was given; the parser lets one through.
+    fn plan(self, flat: bool) -> anyhow::Result<LightPlan> {
+        let Self { env, lighting, lamp, plane, light4d, layer } = self;
+        let from_lighting = |name: String| -> anyhow::Result<LightPlan> {
+            let file = settings::lighting::find(&name, Path::new(""))?;
+            Ok(LightPlan::Lighting(name, file.lighting.beams()))
+        };
+        let from_field = |name: String| -> anyhow::Result<LightPlan> {
+            let file = settings::light4d::find(&name, Path::new(""))?;
+            Ok(LightPlan::Field(name, file.light, flat))
+        };
+        let given = [
+            env.map(|map| Ok(LightPlan::Map(map))),
+            lighting.map(from_lighting),
+            lamp.map(|number| Ok(LightPlan::Lamp(number))),
+            plane.map(|picture| Ok(LightPlan::Plane(picture))),
+            light4d.map(from_field),
+            layer.map(|layer| Ok(LightPlan::Layer(layer))),
+        ];
+        let given = given.into_iter().flatten().next();
+        given.unwrap_or_else(|| anyhow::bail!("give a light, such as --env MAP or --lighting NAME, or a --layer"))
+    }
+}
+
 /// What is lit with.
 #[derive(Debug, Clone, PartialEq)]
 enum LightPlan {
@@ -117,6 +151,8 @@ enum LightPlan {
     /// What messages call it, and its beams.
     Lighting(String, Vec<Beam>),
     Lamp(usize),
+    /// What messages call it, and whether it is taken as it is in the middle.
+    Field(String, LightField, bool),
     /// A picture on the screen.
     Plane(PathBuf),
     Layer(LayerChoice),
@@ -142,17 +178,7 @@ impl Arguments {
     /// Refuses what can be known to fail before the work.
     fn plan(self) -> anyhow::Result<Plan> {
         image::check_output(&self.output)?;
-        let light = match (self.light.env, self.light.lighting, self.light.lamp, self.light.plane, self.light.layer) {
-            (Some(map), None, None, None, None) => LightPlan::Map(map),
-            (None, Some(name), None, None, None) => {
-                let file = settings::lighting::find(&name, Path::new(""))?;
-                LightPlan::Lighting(name, file.lighting.beams())
-            }
-            (None, None, Some(number), None, None) => LightPlan::Lamp(number),
-            (None, None, None, Some(picture), None) => LightPlan::Plane(picture),
-            (None, None, None, None, Some(layer)) => LightPlan::Layer(layer),
-            _ => anyhow::bail!("give one light: --env MAP, --lighting NAME, --lamp N or --plane IMG, or a --layer"),
-        };
+        let light = self.light.plan(self.flat)?;
         let mut look = Look {
             representation: settings::representation(self.representation),
             method: settings::method(self.reconstruct),
@@ -223,7 +249,7 @@ impl Plan {
             LightPlan::Lamp(number) => Ok(relighter.weights(Light::Lamp(*number), &self.look)?),
             LightPlan::Lighting(name, beams) => {
                 let weights = relighter.weights(Light::Beams(beams), &self.look)?;
-                if self.look.outside == Outside::Drop {
+                if self.look.outside == Outside::Drop && relighter.gantry().is_none() {
                     let all = beams.iter().fold([0.0; 3], |sum, b| [0, 1, 2].map(|c| sum[c] + b.irradiance[c]));
                     let light = self.expected(all, ColourSpace::default(), relighter);
                     tell_what_is_dropped(name, light, &weights);
@@ -231,10 +257,18 @@ impl Plan {
                 Ok(weights)
             }
             LightPlan::Layer(_) | LightPlan::Plane(_) => anyhow::bail!("no light of lamps"),
+            LightPlan::Field(_, field, true) => Ok(relighter.weights(Light::Flat(field), &self.look)?),
+            LightPlan::Field(name, field, false) => {
+                let weights = relighter.weights(Light::Field(field), &self.look)?;
+                if weights.rgb.iter().all(|rgb| *rgb == [0.0; 3]) {
+                    note(&format!("no light of {name} falls on what the projector lit: the picture is black"));
+                }
+                Ok(weights)
+            }
             LightPlan::Map(path) => {
                 let map = EnvMap::load(path).context("cannot use the environment map")?;
                 let weights = relighter.weights(Light::Map(&map), &self.look)?;
-                if self.look.outside == Outside::Drop {
+                if self.look.outside == Outside::Drop && relighter.gantry().is_none() {
                     let light = self.expected(map.clamped(self.look.clamp).integral(), self.look.map_space, relighter);
                     tell_what_is_dropped(&path.display().to_string(), light, &weights);
                 }

@@ -23,6 +23,7 @@
 pub mod checks;
 pub mod covered;
 pub mod develop;
+pub mod gantry;
 pub mod lamps;
 pub mod places;
 pub mod records;

@@ -111,6 +111,7 @@ impl StagePack<'_> {
             largest: photographs.largest(),
             ambient: Some(ambient),
             alpha,
+            reliability: None,
             provenance,
         };
         field::write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;

@@ -270,7 +270,8 @@ impl RigFile {
         if let Some(gantry) = &self.gantry {
             in_range(place, &[("squares", gantry.squares, 1..=256), ("texels", gantry.texels, 1..=64)])?;
             gantry.check_squares(place)?;
-            in_range(place, &[("distance", gantry.distance, 0.1..=1e4), ("view_deg", gantry.view_deg, 0.1..=170.0)])?;
+            in_range(place, &[("distance", gantry.distance, 0.1..=1e4), ("view_deg", gantry.view_deg, 0.1..=160.0)])?;
+            in_range(place, &[("lean_deg", gantry.lean_deg, -90.0..=90.0)])?;
         }
         Ok(())
     }

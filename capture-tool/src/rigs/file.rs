@@ -1,6 +1,7 @@
 //! Rig files: what stands on set, in TOML. Every key is explained in `presets/rigs/virtual-stage.toml`.
 
 use relume_core::domain::Filter;
+use relume_core::math::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::lamps::Lamps;
@@ -135,6 +136,10 @@ pub struct GantryRig {
     pub texels: usize,
     /// From the object to the projector, scene units.
     pub distance: f64,
+    /// So far the axis of the turntable leans towards the camera, degrees: how far the camera looks down on the table. Positions
+    /// are about that axis.
+    #[serde(default)]
+    pub lean_deg: f64,
     /// Width of the projector's picture, degrees.
     pub view_deg: f64,
     /// From a position to the next one, settled, seconds.
@@ -151,6 +156,14 @@ pub struct GantryRig {
 }
 
 impl GantryRig {
+    /// Where the projector comes to stand, in the stage frame and scene units.
+    pub fn places(&self) -> Vec<Vec3> {
+        let (sin, cos) = self.lean_deg.to_radians().sin_cos();
+        let (up, near) = (Vec3::new(0.0, cos, sin), Vec3::new(0.0, -sin, cos));
+        let place = |d: Vec3| (Vec3::x() * d.x + up * d.y + near * d.z) * self.distance;
+        self.positions.directions().into_iter().map(place).collect()
+    }
+
     /// Pixels along each side of the patterns.
     pub fn pixels(&self) -> usize {
         self.squares * self.texels

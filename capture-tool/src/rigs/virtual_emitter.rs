@@ -163,8 +163,8 @@ pub fn cached(rig: &RigFile, bare: bool) -> Result<PathBuf> {
             format!("monitor {} {}{scene}", monitor.columns, monitor.rows)
         }
         (None, Some(gantry)) => {
-            let (GantryRig { distance, view_deg, positions, .. }, pixels) = (gantry, gantry.pixels());
-            format!("gantry {pixels} {distance} {view_deg} {:?}{scene}", positions.directions())
+            let GantryRig { view_deg, .. } = gantry;
+            format!("gantry {} {view_deg} {:?}{scene}", gantry.pixels(), gantry.places())
         }
         (None, None) => String::new(),
     };
@@ -214,7 +214,7 @@ pub fn virtual_gantry(rig: &GantryRig, scene: SceneChoice, camera: Camera) -> Ga
     Gantry {
         scene,
         blocks,
-        positions: Gantry::above_table(&rig.positions.directions(), rig.distance as f32),
+        positions: rig.places().iter().map(|place| place.cast()).collect(),
         view_rad: rig.view_deg.to_radians() as f32,
         lens_radius: LENS_RADIUS,
         ..usual

@@ -280,6 +280,7 @@ fn trace(rig: &RigFile, lamps: &Lamps, path: &Path, progress: &mut dyn FnMut(u64
         largest: stage.largest(),
         ambient: None,
         alpha: Some(classes(&scene, &camera).alpha),
+        reliability: None,
         provenance: serde_json::json!({ "source": "virtual stage", "samples": quality.samples, "seed": quality.seed }),
     };
     let mut progress = |done, all| progress(done, all);

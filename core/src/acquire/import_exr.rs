@@ -225,6 +225,7 @@ impl ImportExr {
             largest: photographs.largest(),
             ambient,
             alpha,
+            reliability: None,
             provenance: self.provenance(&layers, &lamps),
         };
         write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;

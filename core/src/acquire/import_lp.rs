@@ -118,6 +118,7 @@ impl ImportLp {
             largest: photographs.largest(),
             ambient: black,
             alpha,
+            reliability: None,
             provenance: self.provenance(&lp.photographs, &per_lamp),
         };
         write(output, &contents, &mut Reporting { photographs: &mut photographs, progress, total })?;

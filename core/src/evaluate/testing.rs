@@ -50,6 +50,7 @@ pub fn photograph(scene: &Scene, lamps: Vec<Vec3>, quality: Quality, (width, hei
         largest: stage.largest(),
         ambient: None,
         alpha: Some(classes.alpha.clone()),
+        reliability: None,
         provenance: serde_json::Value::Null,
     };
     let folder = tempfile::tempdir().unwrap();

@@ -37,6 +37,7 @@ pub struct Asset {
     explicit: Option<Explicit>,
     ambient: Option<Image>,
     alpha: Option<Vec<f32>>,
+    reliability: Option<Vec<f32>>,
     normals: Option<Picture>,
     albedo: Option<Picture>,
     entries: Entries,
@@ -98,6 +99,7 @@ impl Asset {
             let place = format!("{place}, layers/alpha.npy, pixel ({}, {})", at % w, at / w);
             return Err(Error::invalid(place, "a number outside 0 to 1", "a coverage"));
         }
+        let reliability = layer("reliability", &[h, w])?;
         let picture = |name: &str| -> Result<Option<Picture>> {
             let entry = manifest.layers.get(name);
             entry.map(|entry| Ok(Picture::new(entry, open.array(entry, "<f4", &[h, w, 3], 4)?))).transpose()
@@ -114,6 +116,7 @@ impl Asset {
             explicit,
             ambient,
             alpha,
+            reliability,
             normals,
             albedo,
             entries,
@@ -256,6 +259,12 @@ impl Asset {
     /// Coverage of the object, 0 to 1, width x height, row 0 at the top.
     pub fn alpha(&self) -> Option<&[f32]> {
         self.alpha.as_deref()
+    }
+
+    /// How far `T` can be trusted, width x height, row 0 at the top: 1 where what was told apart adds up to what was photographed
+    /// together (7.5).
+    pub fn reliability(&self) -> Option<&[f32]> {
+        self.reliability.as_deref()
     }
 
     /// Unit normals in the stage frame, width x height x 3, zero where unreliable; read from the file on first use.

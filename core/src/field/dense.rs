@@ -136,10 +136,29 @@ impl Dense {
     /// # Errors
     /// Bytes that cannot be read.
     pub fn block<'a>(&'a self, bx: usize, by: usize, c: usize, buffer: &'a mut BlockBuffer) -> Result<Block<'a>> {
+        self.part((bx, by, c), 0..self.layout.elements, buffer)
+    }
+
+    /// Some elements of the block in column `bx`, row `by`, of channel `c`, which lie together.
+    ///
+    /// # Errors
+    /// Bytes that cannot be read.
+    ///
+    /// # Panics
+    /// When there are no such elements.
+    pub fn part<'a>(
+        &'a self,
+        (bx, by, c): (usize, usize, usize),
+        elements: Range<usize>,
+        buffer: &'a mut BlockBuffer,
+    ) -> Result<Block<'a>> {
+        assert!(elements.end <= self.layout.elements, "elements {elements:?} of {}", self.layout.elements);
+        let element = BLOCK_PIXELS * self.precision.bytes();
         let index = (by * self.layout.columns() + bx) * CHANNELS + c;
-        let length = self.layout.block_len() * self.precision.bytes();
-        let bytes = self.store.get(self.start + index as u64 * length as u64, length, &mut buffer.0)?;
-        // Numbers are aligned: the map starts at a page, `start` was checked, a block is a multiple of 64 bytes.
+        let first = index as u64 * self.layout.elements as u64 + elements.start as u64;
+        let at = self.start + first * element as u64;
+        let bytes = self.store.get(at, elements.len() * element, &mut buffer.0)?;
+        // Numbers are aligned: the map starts at a page, `start` was checked, an element is a multiple of 64 bytes.
         Ok(match self.precision {
             Precision::Half => Block::Half(bytemuck::cast_slice(bytes)),
             Precision::Float => Block::Float(bytemuck::cast_slice(bytes)),
@@ -181,16 +200,10 @@ impl Dense {
         element: usize,
         buffer: &mut BlockBuffer,
     ) -> Result<[f32; BLOCK_PIXELS]> {
-        let index = (by * self.layout.columns() + bx) * CHANNELS + c;
-        let length = BLOCK_PIXELS * self.precision.bytes();
-        let at = self.start + (index * self.layout.elements + element) as u64 * length as u64;
-        let bytes = self.store.get(at, length, &mut buffer.0)?;
         let mut tile = [0.0f32; BLOCK_PIXELS];
-        match self.precision {
-            Precision::Half => {
-                bytemuck::cast_slice::<u8, half::f16>(bytes).convert_to_f32_slice(&mut tile);
-            }
-            Precision::Float => tile.copy_from_slice(bytemuck::cast_slice(bytes)),
+        match self.part((bx, by, c), element..element + 1, buffer)? {
+            Block::Half(t) => t.convert_to_f32_slice(&mut tile),
+            Block::Float(t) => tile.copy_from_slice(t),
         }
         tile.iter_mut().for_each(|t| *t *= self.scale);
         Ok(tile)

@@ -72,4 +72,17 @@ impl Explicit {
         self.transform.forward(all.as_flattened_mut(), CHANNELS);
         self.locations.iter().map(|&location| all[location as usize]).collect()
     }
+
+    /// `A^T m`, the adjoint of [`Explicit::expanded`]: one RGB triple a texel from one a function.
+    ///
+    /// # Panics
+    /// When there is not one triple a function.
+    pub fn expanded_adjoint(&self, sums: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        assert_eq!(sums.len(), self.locations.len(), "one triple a function");
+        let (width, height) = self.transform.size();
+        let mut all = vec![[0.0; CHANNELS]; width * height];
+        self.locations.iter().zip(sums).for_each(|(&location, sum)| all[location as usize] = *sum);
+        self.transform.forward_adjoint(all.as_flattened_mut(), CHANNELS);
+        all
+    }
 }

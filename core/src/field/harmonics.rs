@@ -45,6 +45,22 @@ impl Harmonics {
         }
         moments.into_iter().map(|m| m.map(|v| v as f32)).collect()
     }
+
+    /// `Y m`, the adjoint of [`Harmonics::moments`]: one RGB triple a lamp from one a function.
+    ///
+    /// # Panics
+    /// When there is not one triple a function.
+    pub fn moments_adjoint(&self, sums: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        assert_eq!(sums.len(), self.pictures.layout().elements, "one triple a function");
+        let of_lamp = |functions: &[f32]| {
+            let mut answer = [0.0f64; 3];
+            for (y, sum) in functions.iter().zip(sums) {
+                (0..3).for_each(|c| answer[c] += f64::from(*y) * f64::from(sum[c]));
+            }
+            answer.map(|v| v as f32)
+        };
+        self.functions.chunks_exact(sums.len()).map(of_lamp).collect()
+    }
 }
 
 /// `Y_b(w_j)`, `[lamp][function]`, for a whole number of bands.

@@ -69,7 +69,7 @@ pub struct Manifest {
     /// How `T` is represented: at least once, each kind at most once.
     #[serde(alias = "representation", deserialize_with = "one_or_several")]
     pub representations: Vec<Representation>,
-    /// Layer name -> entry: `ambient`, `alpha`, `normals`, `albedo`.
+    /// Layer name -> entry: `ambient`, `alpha`, `reliability`, `normals`, `albedo`.
     pub layers: BTreeMap<String, String>,
     /// Where the field came from; free form, for people.
     pub provenance: serde_json::Value,
@@ -229,6 +229,9 @@ pub enum Representation {
         /// the other axis; on a screen, and on the picture of each position of a projector, mirrored at all edges. On a screen `texel`
         /// stands for no wavelet: terms are texels.
         wavelet: String,
+        /// Locations from the texels' number on are single texels, beside the wavelet's functions.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        with_texels: bool,
         /// Longitudes about the axis of the domain x angles from it, over its coverage; the texels of a screen; the squares of all
         /// positions, one picture below the other.
         grid: [usize; 2],

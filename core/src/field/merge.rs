@@ -10,7 +10,7 @@ use super::BLOCK_PIXELS;
 use super::asset::Asset;
 use super::manifest::{Kind, Manifest, Precision, Representation};
 use super::sparse::{Sparse, TermBuffer};
-use super::writer::{BlockTerms, Contents, HALF_CEILING, TermBands, TermBasis, write_terms};
+use super::writer::{BlockTerms, Contents, HALF_CEILING, TermBands, write_terms};
 use crate::error::{Error, Result};
 
 /// The name in the provenance under which a part tells its tiles: `[first, last, all]`, from 1; a tile is a row of blocks.
@@ -55,7 +55,7 @@ pub fn merge(parts: &[Asset], output: &Path, progress: &mut dyn FnMut(u64, u64) 
     let Some(Representation::Wavelet { most_terms, .. }) = own.representation(Kind::Wavelet) else {
         return Err(no_part(first));
     };
-    let basis = sparse.transform().map_or(TermBasis::Texels, |transform| TermBasis::Wavelet(transform.wavelet()));
+    let basis = sparse.basis();
     let contents = Contents {
         domain: first.domain().clone(),
         irradiance: Vec::new(),
@@ -66,6 +66,7 @@ pub fn merge(parts: &[Asset], output: &Path, progress: &mut dyn FnMut(u64, u64) 
         largest: sparse.scale() * HALF_CEILING,
         ambient: first.ambient().cloned(),
         alpha: first.alpha().map(<[f32]>::to_vec),
+        reliability: None,
         provenance: own.provenance.clone(),
     };
     let mut bands = Parts { parts, of_tile: &of_tile, progress };

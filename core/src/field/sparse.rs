@@ -4,7 +4,8 @@
 //! `t ~ sum_k c_k s_k`: `s_k` the synthesis functions at the kept locations, `c_k` one RGB triple each, so the three channels
 //! share the set. Lit by w on the grid it shows `<t, w> = sum_k c_k (S^T w)_k`: the light is transformed once
 //! ([`Sparse::transformed`]), and every pixel gathers from it. On a screen the functions can be the texels themselves: a
-//! pixel of clear glass sees only a few. Of a projector, functions live on the squares of one position each.
+//! pixel of clear glass sees only a few. They can be functions and texels together, two descriptions of one space: a pixel under a
+//! projector sees one square brightly and all others a little. Of a projector, functions live on the squares of one position each.
 //!
 //! Pixels come block by block, as in a dense field (rows of 16 x 8 pixels, those beyond the edges of the picture without
 //! terms), so that the terms of a block lie together: compressing appends them as it reads the samples, and a window reads
@@ -19,12 +20,18 @@ use super::asset::Opening;
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
 use super::manifest::Representation;
 use super::store::{Scratch, Store};
+use super::writer::TermBasis;
 use crate::domain::{Domain, Plane, StageGrid};
 use crate::error::{Error, Result};
 use crate::wavelet::Transform;
 
 /// In place of a wavelet's id: terms are texels.
 pub(super) const TEXELS: &str = "texel";
+
+/// Locations over some texels.
+pub(super) fn places(texels: usize, with_texels: bool) -> usize {
+    if with_texels { 2 * texels } else { texels }
+}
 
 /// Bytes of a location: the fewest that do.
 pub(super) fn location_bytes(texels: usize) -> usize {
@@ -55,6 +62,8 @@ pub struct Sparse {
     grid: Option<StageGrid>,
     /// None where terms are texels.
     transform: Option<Transform>,
+    /// Locations from the texels' number on are single texels.
+    with_texels: bool,
     /// How many terms there are.
     terms: u64,
     /// Where the numbers of the arrays start.
@@ -114,7 +123,8 @@ impl Sparse {
         (width, height): (usize, usize),
         representation: &Representation,
     ) -> Result<Option<Self>> {
-        let Representation::Wavelet { wavelet, grid, offsets, locations, coefficients, scale, .. } = representation
+        let Representation::Wavelet { wavelet, with_texels, grid, offsets, locations, coefficients, scale, .. } =
+            representation
         else {
             return Ok(None);
         };
@@ -146,11 +156,12 @@ impl Sparse {
         let last = open.store.get(range.end - 8, 8, &mut scratch)?;
         let terms = u64::from_le_bytes(std::array::from_fn(|n| last[n]));
         let count = usize::try_from(terms).unwrap_or(usize::MAX);
-        let bytes = location_bytes(texels);
+        let bytes = location_bytes(places(texels, *with_texels));
         Ok(Some(Self {
             store: Arc::clone(open.store),
             layout,
             transform,
+            with_texels: *with_texels,
             terms,
             offsets: range.start,
             locations: open.array(locations, unsigned(bytes), &[count], bytes)?.start,
@@ -190,7 +201,22 @@ impl Sparse {
         self.scale
     }
 
-    /// `S^T w`: what the coefficients are multiplied by, by location, from RGB weights of the texels.
+    /// How many locations there are: functions, then, where they have places of their own, texels.
+    pub fn places(&self) -> usize {
+        places(self.layout.elements, self.with_texels)
+    }
+
+    /// What the terms are of.
+    pub fn basis(&self) -> TermBasis {
+        match &self.transform {
+            None => TermBasis::Texels,
+            Some(transform) if self.with_texels => TermBasis::Both(transform.wavelet()),
+            Some(transform) => TermBasis::Wavelet(transform.wavelet()),
+        }
+    }
+
+    /// `S^T w`, and w itself where texels have places of their own: what the coefficients are multiplied by, by location, from RGB weights
+    /// of the texels.
     ///
     /// # Panics
     /// When there is not one weight a texel.
@@ -199,7 +225,22 @@ impl Sparse {
         if let Some(transform) = &self.transform {
             of_pictures(transform, &mut table, |picture| transform.inverse_adjoint(picture, CHANNELS));
         }
+        if self.with_texels {
+            table.extend_from_slice(weights);
+        }
         table
+    }
+
+    /// `S m`, the adjoint of [`Sparse::transformed`]: one RGB triple a texel from one a location.
+    ///
+    /// # Panics
+    /// When there is not one triple a location.
+    pub fn transformed_adjoint(&self, sums: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let mut texels = sums.to_vec();
+        if let Some(transform) = &self.transform {
+            of_pictures(transform, &mut texels, |picture| transform.inverse(picture, CHANNELS));
+        }
+        texels
     }
 
     /// The terms of the block in column `bx`, row `by`.
@@ -214,7 +255,7 @@ impl Sparse {
         let offsets: &[u64] = bytemuck::cast_slice(bytes);
         let own = self.checked(offsets, bx, by)?;
         let count = (own.end - own.start) as usize;
-        let size = location_bytes(self.layout.elements);
+        let size = location_bytes(self.places());
         let bytes = self.store.get(self.locations + size as u64 * own.start, size * count, of_locations)?;
         let locations = match size {
             1 => Locations::One(bytes),
@@ -222,14 +263,14 @@ impl Sparse {
             _ => Locations::Four(bytemuck::cast_slice(bytes)),
         };
         // Without an early end the loops vectorise.
-        let texels = self.layout.elements as u32;
+        let texels = self.places() as u32;
         let outside = match locations {
             Locations::One(all) => all.iter().fold(false, |bad, &l| bad | (u32::from(l) >= texels)),
             Locations::Two(all) => all.iter().fold(false, |bad, &l| bad | (u32::from(l) >= texels)),
             Locations::Four(all) => all.iter().fold(false, |bad, &l| bad | (l >= texels)),
         };
         if outside {
-            let expected = format!("locations below {}", self.layout.elements);
+            let expected = format!("locations below {}", self.places());
             return Err(self.damaged(bx, by, "a location outside of the grid", &expected));
         }
         let step = (2 * CHANNELS) as u64;
@@ -239,11 +280,10 @@ impl Sparse {
 
     /// The terms of a block, if its offsets are what they must be.
     fn checked(&self, offsets: &[u64], bx: usize, by: usize) -> Result<Range<u64>> {
-        let fits = |pair: &[u64]| pair[0] <= pair[1] && pair[1] - pair[0] <= self.layout.elements as u64;
+        let fits = |pair: &[u64]| pair[0] <= pair[1] && pair[1] - pair[0] <= self.places() as u64;
         let own = offsets[0]..offsets[BLOCK_PIXELS];
         if !offsets.windows(2).all(fits) || own.end > self.terms {
-            let expected =
-                format!("ascending ones, at most {} terms a pixel and {} in all", self.layout.elements, self.terms);
+            let expected = format!("ascending ones, at most {} terms a pixel and {} in all", self.places(), self.terms);
             return Err(self.damaged(bx, by, "offsets of terms that cannot be", &expected));
         }
         Ok(own)
@@ -268,14 +308,16 @@ impl Sparse {
         let terms = self.block(x / BLOCK_WIDTH, y / BLOCK_HEIGHT, &mut buffer)?;
         let mut locations = Vec::new();
         let coefficients = terms.of_pixel(y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH, &mut locations);
-        let mut function = vec![[0.0; CHANNELS]; elements];
+        let mut function = vec![[0.0; CHANNELS]; self.places()];
         for (location, rgb) in locations.iter().zip(coefficients.chunks_exact(CHANNELS)) {
             let place = &mut function[*location as usize];
             place.iter_mut().zip(rgb).for_each(|(value, c)| *value += c.to_f32() * self.scale);
         }
         if let Some(transform) = &self.transform {
-            of_pictures(transform, &mut function, |picture| transform.inverse(picture, CHANNELS));
+            of_pictures(transform, &mut function[..elements], |picture| transform.inverse(picture, CHANNELS));
         }
+        let single = function.split_off(elements);
+        function.iter_mut().zip(single).for_each(|(value, own)| (0..CHANNELS).for_each(|c| value[c] += own[c]));
         Ok(function)
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct TermArrays {
 }
 
 impl TermArrays {
-    /// Empty ones; the layout's elements are the texels of the grid.
+    /// Empty ones; the layout's elements are the locations.
     ///
     /// # Errors
     /// A folder that cannot be written to.

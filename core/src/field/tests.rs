@@ -46,6 +46,7 @@ fn contents(precision: Precision, width: usize, height: usize) -> Contents {
         largest: 200.0,
         ambient: Some(Image::from_fn(width, height, |x, y| [x as f32, y as f32, 0.5])),
         alpha: Some((0..width * height).map(|n| (n % 3) as f32 / 2.0).collect()),
+        reliability: None,
         provenance: serde_json::json!({"source": "formula"}),
     }
 }

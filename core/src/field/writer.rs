@@ -15,7 +15,7 @@ use zip::{CompressionMethod, ZipWriter};
 use super::dense::{BLOCK_HEIGHT, BLOCK_PIXELS, BLOCK_WIDTH, CHANNELS, Layout};
 use super::manifest::{self, FORMAT, MOST_ELEMENTS, Manifest, Precision, Representation, Stand, VERSION};
 use super::npy;
-use super::sparse::TEXELS;
+use super::sparse::{TEXELS, places};
 use super::terms::{COEFFICIENTS, LOCATIONS, OFFSETS, Term, TermArrays};
 use crate::domain::Domain;
 use crate::error::{Error, Result};
@@ -50,6 +50,8 @@ pub struct Contents {
     pub ambient: Option<Image>,
     /// Coverage of the object, width x height, 0 to 1, row 0 at the top.
     pub alpha: Option<Vec<f32>>,
+    /// How far `T` can be trusted, width x height: 1 where what was told apart adds up to what was photographed together (7.5).
+    pub reliability: Option<Vec<f32>>,
     /// Where the field came from, free form.
     pub provenance: serde_json::Value,
 }
@@ -97,6 +99,8 @@ pub enum TermBasis {
     Wavelet(Wavelet),
     /// Texels.
     Texels,
+    /// Both: locations from the texels' number on are texels.
+    Both(Wavelet),
 }
 
 /// Writes a container of samples, whole or not at all. Memory: about 100 MB and one row of the picture, however large the field.
@@ -164,29 +168,36 @@ pub fn write_terms(
     let Some(picture) = contents.domain.picture() else { return Err(no_screen()) };
     // A projector's positions light as a sphere of lamps would: the mean of them.
     let mut white = vec![picture.len() as f32 / layout.elements as f32; layout.elements];
+    let plain = white.clone();
+    let with_texels = matches!(basis, TermBasis::Both(_));
     let wavelet = match basis {
         TermBasis::Texels => TEXELS,
-        TermBasis::Wavelet(wavelet) => {
+        TermBasis::Wavelet(wavelet) | TermBasis::Both(wavelet) => {
             let transform = on_screen(contents, wavelet)?;
             white.chunks_exact_mut(picture.len()).for_each(|picture| transform.inverse_adjoint(picture, 1));
             wavelet.id()
         }
     };
+    if with_texels {
+        white.extend(plain);
+    }
+    let places = places(layout.elements, with_texels);
     assemble(path, contents, |out| {
         let scale = power_of_two_for(contents.largest);
-        let mut arrays = TermArrays::beside(path, layout)?;
+        let mut arrays = TermArrays::beside(path, Layout { elements: places, ..layout })?;
         let (mut preview, mut block) = (Image::new(layout.width, layout.height, CHANNELS), BlockTerms::default());
         for (by, bx) in (0..layout.rows()).flat_map(|by| (0..layout.columns()).map(move |bx| (by, bx))) {
             block.counts.fill(0);
             block.locations.clear();
             block.coefficients.clear();
             bands.fill(bx, by, &mut block)?;
-            arrays.push(&block.counts, &in_halves(&block, layout, scale)?)?;
+            arrays.push(&block.counts, &in_halves(&block, places, scale)?)?;
             add_lit(&block, &white, (bx, by), &mut preview);
         }
         arrays.write(out)?;
         let representation = Representation::Wavelet {
             wavelet: wavelet.to_owned(),
+            with_texels,
             grid: [picture.columns(), layout.elements / picture.columns()],
             reconstruction: None,
             offsets: OFFSETS.to_owned(),
@@ -213,14 +224,14 @@ fn on_screen(contents: &Contents, wavelet: Wavelet) -> Result<Transform> {
 }
 
 /// Rounds the terms of a block.
-fn in_halves(block: &BlockTerms, layout: Layout, scale: f32) -> Result<Vec<Term>> {
+fn in_halves(block: &BlockTerms, places: usize, scale: f32) -> Result<Vec<Term>> {
     let counted: usize = block.counts.iter().map(|count| *count as usize).sum();
     if counted != block.locations.len() || counted != block.coefficients.len() {
         let found = format!("{counted} terms counted, {} places", block.locations.len());
         return Err(Error::invalid("field", found, "one place and one colour a term"));
     }
-    if let Some(beyond) = block.locations.iter().find(|location| **location as usize >= layout.elements) {
-        let expected = format!("locations below {}", layout.elements);
+    if let Some(beyond) = block.locations.iter().find(|location| **location as usize >= places) {
+        let expected = format!("locations below {places}");
         return Err(Error::invalid("field", format!("a term at location {beyond}"), expected));
     }
     let half = |c: f32| f16::from_f32(c / scale);
@@ -261,8 +272,8 @@ fn assemble(
     }
     check_elements(&contents.domain)?;
     let ambient_fits = contents.ambient.as_ref().is_none_or(|s| s.size() == (width, height) && s.channels() == 3);
-    let alpha_fits = contents.alpha.as_ref().is_none_or(|alpha| alpha.len() == width * height);
-    if width * height == 0 || !ambient_fits || !alpha_fits {
+    let fits = |layer: &Option<Vec<f32>>| layer.as_ref().is_none_or(|layer| layer.len() == width * height);
+    if width * height == 0 || !ambient_fits || !fits(&contents.alpha) || !fits(&contents.reliability) {
         let expected = format!("{width} x {height} pixels, as the field, and at least one");
         return Err(Error::invalid("field", "layers of another size, or no pixels", expected));
     }
@@ -277,6 +288,10 @@ fn assemble(
         if let Some(alpha) = &contents.alpha {
             out.floats("layers/alpha.npy", &[height, width], alpha)?;
             layers.insert("alpha".to_owned(), "layers/alpha.npy".to_owned());
+        }
+        if let Some(reliability) = &contents.reliability {
+            out.floats("layers/reliability.npy", &[height, width], reliability)?;
+            layers.insert("reliability".to_owned(), "layers/reliability.npy".to_owned());
         }
         // sRGB has the primaries of Rec. 709.
         preview.convert(&Conversion::between(contents.colour_space, ColourSpace::LinRec709));

@@ -86,6 +86,24 @@ impl EnvMap {
         [pixel[0], pixel[1], pixel[2]]
     }
 
+    /// Radiance between the centres of texels, linear, cyclic in longitude.
+    pub fn between(&self, direction: &Vec3) -> [f64; 3] {
+        let (w, h) = self.image.size();
+        let (u, v) = latlong::coordinates(direction, w, h);
+        let (x, y) = (u - 0.5, (v - 0.5).clamp(0.0, (h - 1) as f64));
+        let (left, top) = (x.floor(), y.floor());
+        let columns = [left.rem_euclid(w as f64) as usize % w, (left + 1.0).rem_euclid(w as f64) as usize % w];
+        let rows = [top as usize, (top as usize + 1).min(h - 1)];
+        let mut sum = [0.0; 3];
+        for (row, down) in rows.into_iter().zip([1.0 - (y - top), y - top]) {
+            for (column, across) in columns.into_iter().zip([1.0 - (x - left), x - left]) {
+                let pixel = self.image.pixel(column, row);
+                (0..3).for_each(|c| sum[c] += down * across * f64::from(pixel[c]));
+            }
+        }
+        sum
+    }
+
     /// The map averaged down to at most `widest` columns (and half as many rows), each new texel the mean radiance of what it
     /// covers, weighted by solid angle; energy is kept to rounding. A map that is small enough is borrowed.
     pub fn reduced(&self, widest: usize) -> Cow<'_, Self> {

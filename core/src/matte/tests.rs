@@ -87,6 +87,7 @@ fn contents(alpha: Option<Vec<f32>>) -> Contents {
         largest: 40.0,
         ambient: Some(Image::from_fn(SIZE.0, SIZE.1, |x, y| [x as f32, y as f32, 1.0])),
         alpha,
+        reliability: None,
         provenance: serde_json::json!({}),
     }
 }

@@ -19,6 +19,7 @@
 //! | `reconstruction` | a method over one set of lamps |
 //! | `texels`, `sparse` | functions integrated over the texels of a map |
 //! | `operator` | both together: `downsample` and `upsample` |
+//! | `squares` | 4D light onto the squares of a projector (7.2) |
 //! | `resampling` | many functions rebuilt at once, at the same directions |
 
 mod basis;
@@ -33,6 +34,7 @@ mod reconstruction;
 mod resampling;
 mod sparse;
 mod spline;
+mod squares;
 mod texels;
 mod wavelet_grid;
 mod zero_order;
@@ -40,6 +42,7 @@ mod zero_order;
 pub use operator::Operator;
 pub use reconstruction::Reconstruction;
 pub use resampling::Resampling;
+pub use squares::Squares;
 
 use crate::wavelet::Wavelet;
 

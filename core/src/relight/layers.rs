@@ -15,6 +15,8 @@ pub enum Layer {
     Albedo,
     /// What is seen with every lamp off.
     Ambient,
+    /// How far `T` can be trusted, grey: 1 where what was told apart adds up to what was photographed together (7.5).
+    Reliability,
 }
 
 impl Layer {
@@ -25,6 +27,7 @@ impl Layer {
             Self::Normals => "normals",
             Self::Albedo => "albedo",
             Self::Ambient => "ambient",
+            Self::Reliability => "reliability",
         }
     }
 
@@ -42,14 +45,17 @@ impl Layer {
             Self::Normals => Some(self.of(asset, asset.normals()?)?),
             Self::Albedo => Some(self.of(asset, asset.albedo()?)?),
             Self::Ambient => Some(self.of(asset, asset.ambient())?),
+            Self::Reliability => None,
         };
+        let reliability = (self == Self::Reliability).then(|| self.of(asset, asset.reliability())).transpose()?;
         let mut picture = Image::new(window.width(), window.height(), 4);
         for (y, x) in (0..window.height()).flat_map(|y| (0..window.width()).map(move |x| (y, x))) {
             let (sx, sy) = (window.x0 + x, window.y0 + y);
             let alpha = asset.alpha().map_or(1.0, |alpha| alpha[sy * width + sx]);
             // Albedo and ambient come from photographs, where the edges hold their share of the object already.
             let scale = if self == Self::Normals { alpha } else { 1.0 };
-            let [r, g, b] = source.map_or([alpha; 3], |s| {
+            let even = reliability.map_or(alpha, |reliability| reliability[sy * width + sx]);
+            let [r, g, b] = source.map_or([even; 3], |s| {
                 let pixel = s.pixel(sx, sy);
                 [pixel[0] * scale, pixel[1] * scale, pixel[2] * scale]
             });
@@ -58,10 +64,11 @@ impl Layer {
         Ok(picture)
     }
 
-    fn of<'a>(self, asset: &Asset, layer: Option<&'a Image>) -> Result<&'a Image> {
+    fn of<T>(self, asset: &Asset, layer: Option<T>) -> Result<T> {
         layer.ok_or_else(|| {
             let advice = match self {
                 Self::Ambient => "an asset that was imported with --black",
+                Self::Reliability => "an asset of a projector that was captured with `--sampler separable`",
                 _ => "an asset that has them (`relume surface A.rfield -o B.rfield` makes normals and albedo)",
             };
             Error::invalid(asset.path().display().to_string(), format!("no layer `{}`", self.id()), advice)

@@ -1,7 +1,8 @@
 //! Weights x field -> picture: `C = T L + g S`.
 //!
 //! A light is projected once to one RGB weight a lamp ([`Relighter::weights`]); then every block of the field is streamed
-//! once ([`apply`]), for one illumination or several, for the whole picture or a window.
+//! once ([`apply`]), for one illumination or several, for the whole picture or a window. What goes from pixels to lamps is the
+//! [`adjoint`].
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -11,6 +12,8 @@
 //! | `sparse` | the gather from a transformed light |
 //! | `strips` | pictures made row of blocks by row of blocks, on all threads |
 //! | `look` | what a user can turn |
+//! | `adjoint` | `T^T c`: the same loops the other way |
+//! | `dual` | pictures from the side of the light |
 //! | `prepare` | a map clamped, blurred and turned as a look has it |
 //! | `projections` | maps and beams to weights, with the structures kept |
 //! | `choice` | which of an asset's representations is used |
@@ -19,8 +22,10 @@
 //! | `screen` | an asset of a screen |
 //! | `layers` | pictures that no light makes: coverage, normals, albedo, ambient |
 
+mod adjoint;
 mod apply;
 mod choice;
+mod dual;
 mod element;
 mod factored;
 pub mod kernels;
@@ -36,7 +41,9 @@ mod strips;
 use crate::field::Kind;
 use crate::image::Conversion;
 
+pub use adjoint::{Progress, adjoint, elements_of};
 pub use apply::apply;
+pub use dual::Dual;
 pub use layers::{Layer, displayed_normals};
 pub use look::Look;
 pub use prepare::prepared;
@@ -109,5 +116,7 @@ impl Weights {
     }
 }
 
+#[cfg(test)]
+mod gantry_tests;
 #[cfg(test)]
 mod tests;

@@ -1,16 +1,16 @@
 //! An asset and its cached projections.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use super::choice::choose;
-use super::projections::Projections;
+use super::projections::{Projections, kept};
 use super::{Look, Weights, element, prepared};
-use crate::domain::Directions;
+use crate::domain::{Directions, Domain, Gantry};
 use crate::error::{Error, Result};
 use crate::field::{Asset, Kind};
-use crate::illumination::{Beam, EnvMap};
+use crate::illumination::{Beam, Distant, EnvMap, Incident, Turned, flattened};
 use crate::image::{ColourSpace, Conversion, Image, Window};
-use crate::reconstruct::{Method, Outside};
+use crate::reconstruct::{Method, Outside, Squares};
 use crate::wavelet::Wavelet;
 
 /// Maps wider than this are averaged down before projection: 0.18 degrees a texel is far below any rig's cell, and the
@@ -26,19 +26,33 @@ pub enum Light<'a> {
     /// Beams in the stage frame and linear Rec.709. A look turns them as it turns a map; what it does to maps beside that
     /// (middle column, colours, blur, clamp) leaves them alone.
     Beams(&'a [Beam]),
-    /// Captured lamp N, counted from 1, at the intensity of the capture.
+    /// Light that differs from point to point, in the stage frame, linear Rec.709, and the units of a projector's positions. A look turns it;
+    /// what else it does to maps leaves it alone.
+    Field(&'a dyn Incident),
+    /// The same, taken everywhere as it is at the origin: the 2D approximation. Lamps can do no other.
+    Flat(&'a dyn Incident),
+    /// Captured lamp N, counted from 1, at the intensity of the capture; of a projector, element N (position after position, row after
+    /// row).
     Lamp(usize),
 }
 
-/// An asset of lamps with what relighting keeps between frames. Share it behind an `Arc`; all methods take `&self`.
+/// An asset of lamps, or of a projector at many positions, with what relighting keeps between frames. Share it behind an `Arc`; all methods take `&self`.
 #[derive(Debug)]
 pub struct Relighter {
     asset: Asset,
+    /// The lamps, or where the projector stood.
     lamps: Arc<Directions>,
     projections: Projections,
+    /// Onto the squares of a projector, by method.
+    squares: Mutex<Vec<((Method, Outside), Arc<Squares>)>>,
     /// Onto the texels of the grid that wavelets live on, built when they light.
     on_grid: OnceLock<Projections>,
 }
+
+/// Methods over a projector's positions that are kept: some megabytes each.
+const KEPT_METHODS: usize = 3;
+/// A light of which less than this share comes from where the projector stood is taken for one behind it.
+const BEHIND: f64 = 1e-9;
 
 /// Light is projected onto the grid of wavelets by linear interpolation between its texels.
 const ON_GRID: Method = Method::Wavelet(Wavelet::LeGall53);
@@ -49,18 +63,27 @@ impl Relighter {
     /// # Errors
     /// A field of a screen; see [`ScreenRelighter`](super::ScreenRelighter).
     pub fn new(asset: Asset) -> Result<Self> {
-        let lamps = asset.directions()?.clone();
-        Ok(Self { asset, projections: Projections::new(lamps.clone()), lamps, on_grid: OnceLock::new() })
+        let lamps = match asset.domain() {
+            Domain::Gantry(gantry) => gantry.directions().clone(),
+            _ => asset.directions()?.clone(),
+        };
+        let projections = Projections::new(lamps.clone());
+        Ok(Self { asset, projections, lamps, squares: Mutex::default(), on_grid: OnceLock::new() })
     }
 
     /// Takes an open asset and leaves some lamps (numbers from 1) out: the reconstruction works around them. A left-out
     /// lamp can still be lit by itself.
     ///
     /// # Errors
-    /// A number that no lamp has; no lamp left; a field of a screen.
+    /// A number that no lamp has; no lamp left; a field of a screen or a projector.
     pub fn without(asset: Asset, excluded: &[usize]) -> Result<Self> {
-        let lamps = asset.directions()?.clone();
-        Ok(Self { projections: Projections::without(&lamps, excluded)?, asset, lamps, on_grid: OnceLock::new() })
+        let projections = Projections::without(asset.directions()?, excluded)?;
+        Ok(Self { projections, ..Self::new(asset)? })
+    }
+
+    /// The positions and squares of a projector's asset.
+    pub fn gantry(&self) -> Option<&Arc<Gantry>> {
+        self.asset.domain().gantry()
     }
 
     /// The asset.
@@ -76,7 +99,24 @@ impl Relighter {
     /// A lamp that is not in the set; a method that the set of lamps does not allow.
     pub fn weights(&self, light: Light<'_>, look: &Look) -> Result<Weights> {
         let kind = self.choose(look.representation, matches!(light, Light::Lamp(_)))?;
+        if let Domain::Gantry(gantry) = self.asset.domain() {
+            let mut weights = self.of_squares(gantry, light, look)?;
+            weights.scale(look.gain());
+            return Ok(self.multiplying(kind, weights.rgb));
+        }
         let mut weights = match light {
+            Light::Field(_) => return Err(self.too_far()),
+            Light::Flat(field) => {
+                let turned = Turned { light: field, rotation: look.orientation().matrix() };
+                let (beams, map) = flattened(&turned);
+                let (projections, method) = self.projected_by(kind, look)?;
+                let mut weights = projections.beams(&beams, method, look.outside)?;
+                if let Some(map) = map {
+                    weights.add(1.0, &projections.map(&map, method, look.outside)?);
+                }
+                weights.convert(&Conversion::between(ColourSpace::default(), self.asset.colour_space()));
+                weights
+            }
             Light::Map(map) => {
                 let (projections, method) = self.projected_by(kind, look)?;
                 let mut weights = projections.map(&prepared(map, look), method, look.outside)?;
@@ -102,10 +142,83 @@ impl Relighter {
         Ok(self.multiplying(kind, weights.rgb))
     }
 
+    /// Weights of a projector's squares, RGB, in the colours of the asset.
+    fn of_squares(&self, gantry: &Gantry, light: Light<'_>, look: &Look) -> Result<Weights> {
+        let rotation = look.orientation().matrix();
+        let default = ColourSpace::default();
+        let (rgb, space) = match light {
+            Light::Map(map) => {
+                let map = prepared(map, look).reduced(Squares::COLUMNS).into_owned();
+                (self.squares(look)?.project(&map), look.map_space)
+            }
+            Light::Beams(beams) => (self.squares(look)?.project(&Distant(turned(beams, look))), default),
+            Light::Field(field) => {
+                let squares = self.squares(look)?;
+                if look.outside == Outside::Drop {
+                    self.refuse_behind(&squares, field, rotation)?;
+                }
+                (squares.project(&Turned { light: field, rotation }), default)
+            }
+            Light::Flat(field) => {
+                let (beams, map) = flattened(&Turned { light: field, rotation });
+                let squares = self.squares(look)?;
+                let mut weights = Weights::of_lamps(squares.project(&Distant(beams)));
+                if let Some(map) = map {
+                    weights.add(1.0, &Weights::of_lamps(squares.project(&*map.reduced(Squares::COLUMNS))));
+                }
+                (weights.rgb, default)
+            }
+            Light::Lamp(number) => {
+                let Some(element) = number.checked_sub(1).filter(|element| *element < gantry.len()) else {
+                    let place = self.asset.path().display().to_string();
+                    return Err(Error::invalid(place, format!("square {number}"), format!("1 to {}", gantry.len())));
+                };
+                let mut rgb = vec![[0.0; 3]; gantry.len()];
+                rgb[element] = [self.asset.manifest().intensity()[gantry.place(element).0]; 3];
+                (rgb, self.asset.colour_space())
+            }
+        };
+        let mut weights = Weights::of_lamps(rgb);
+        weights.convert(&Conversion::between(space, self.asset.colour_space()));
+        Ok(weights)
+    }
+
+    /// The projection onto the squares that a look wants, built on first use.
+    fn squares(&self, look: &Look) -> Result<Arc<Squares>> {
+        let Some(gantry) = self.gantry() else { return Err(self.too_far()) };
+        let (method, outside) = (look.method, look.outside);
+        let build = || Squares::new(gantry.clone(), method, outside);
+        kept(&self.squares, (method, outside), KEPT_METHODS, build)
+    }
+
+    /// Refuses a light of which nothing comes from where the projector stood.
+    fn refuse_behind(&self, squares: &Squares, field: &dyn Incident, rotation: crate::math::Mat3) -> Result<()> {
+        for (name, light) in field.parts() {
+            if squares.covered(&Turned { light, rotation }).is_some_and(|share| share < BEHIND) {
+                return Err(Error::Unsupported {
+                    place: self.asset.path().display().to_string(),
+                    what: format!("{name}, which comes from where the projector never stood,"),
+                    advice: "move it, turn the light, or give it to the nearest position (--outside nearest)"
+                        .to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// What is said of near light on lamps at infinity.
+    fn too_far(&self) -> Error {
+        Error::Unsupported {
+            place: self.asset.path().display().to_string(),
+            what: "light that differs from point to point on a field of lamps, which are far away,".to_owned(),
+            advice: "take it as it is in the middle of the object (--flat), or capture with a projector".to_owned(),
+        }
+    }
+
     /// No light, for one of the representations that the asset holds.
     pub fn dark(&self, kind: Kind) -> Weights {
         let sparse = self.asset.sparse().filter(|_| kind == Kind::Wavelet);
-        let count = sparse.map_or(self.lamps.len(), |sparse| sparse.layout().elements);
+        let count = sparse.map_or(self.asset.domain().len(), |sparse| sparse.layout().elements);
         self.multiplying(kind, vec![[0.0; 3]; count])
     }
 

@@ -4,7 +4,7 @@ use super::Weights;
 use super::kernels::{self, Isa};
 use super::strips::{Target, by_rows, check, rows_of};
 use crate::error::Result;
-use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, Sparse, TermBuffer};
+use crate::field::{BLOCK_HEIGHT, BLOCK_WIDTH, Block, Layout, Sparse, TermBuffer};
 use crate::image::{Image, Window};
 
 /// The transformed light by location, RGB and a zero: no row crosses a cache line, and 256 x 64 of them stay in the
@@ -22,7 +22,7 @@ const APART: usize = 4;
 /// # Errors
 /// Weights that do not fit the field, a window outside the picture, bytes that cannot be read or are damaged.
 pub(super) fn apply_sparse(sparse: &Sparse, weights: &[&Weights], target: Target<'_>) -> Result<Vec<Image>> {
-    let layout = sparse.layout();
+    let layout = Layout { elements: sparse.places(), ..sparse.layout() };
     check(layout, weights, target.window)?;
     let scale = sparse.scale();
     let table = |w: &&Weights| w.factors().iter().map(|&[r, g, b]| [r * scale, g * scale, b * scale, 0.0]).collect();

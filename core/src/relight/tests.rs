@@ -65,6 +65,7 @@ impl Ball {
             largest: photographs.largest(),
             ambient: Some(Image::from_fn(40, 40, |_, _| [0.25, 0.5, 0.75])),
             alpha: None,
+            reliability: None,
             provenance: serde_json::Value::Null,
         };
         write(&path, &contents, &mut photographs).unwrap();

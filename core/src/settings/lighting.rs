@@ -145,23 +145,26 @@ pub fn parse(file: &str, text: &str) -> Result<LightingFile> {
     Ok(LightingFile { title, about, lighting: Lighting { lamps } })
 }
 
-const AZIMUTH: Bounds = Bounds::new(-360.0, 360.0, "degrees");
-const ELEVATION: Bounds = Bounds::new(-90.0, 90.0, "degrees");
-const TURN: Bounds = Bounds::new(-360.0, 360.0, "degrees");
+pub(super) const AZIMUTH: Bounds = Bounds::new(-360.0, 360.0, "degrees");
+pub(super) const ELEVATION: Bounds = Bounds::new(-90.0, 90.0, "degrees");
+pub(super) const TURN: Bounds = Bounds::new(-360.0, 360.0, "degrees");
 /// A hundredth of a degree, far below any lamp, to the whole sphere.
 const RADIUS: Bounds = Bounds::new(0.01, 180.0, "degrees");
 const INNER: Bounds = Bounds::new(0.0, 179.99, "degrees");
 /// Ratios of these stay far from the ends of what a float holds.
-const LENGTH: Bounds = Bounds::new(1e-3, 1e5, "");
-const STOPS: Bounds = Bounds::new(-40.0, 40.0, "stops");
+pub(super) const LENGTH: Bounds = Bounds::new(1e-3, 1e5, "");
+pub(super) const STOPS: Bounds = Bounds::new(-40.0, 40.0, "stops");
 const KELVIN: Bounds = Bounds::new(kelvin::RANGE.0, kelvin::RANGE.1, "kelvin");
 const COLOUR: Bounds = Bounds::new(0.0, 1000.0, "");
 const ALBEDO: Bounds = Bounds::new(0.0, 1.0, "");
 
-const KINDS: [&str; 5] = ["directional", "disc", "softbox", "ring", "dome"];
+/// Words for `kind`.
+pub(super) const KINDS: [&str; 5] = ["directional", "disc", "softbox", "ring", "dome"];
+/// What messages call each.
+pub(super) const CALLED: [&str; 5] = ["a directional light", "a disc", "a softbox", "a ring", "a dome"];
 
 /// Keys of every kind, then its own.
-fn keys(kind: usize) -> Vec<&'static str> {
+pub(super) fn keys(kind: usize) -> Vec<&'static str> {
     let aim = ["azimuth", "elevation"];
     let own: &[&str] = match kind {
         1 => &["radius"],
@@ -184,7 +187,7 @@ fn lamp(table: &Table<'_>) -> Result<Lamp> {
             return Err(table.refuse("no `kind` in a light", format!("`kind = \"...\"`, one of {}", KINDS.join(", "))));
         }
     };
-    let table = table.called(["a directional light", "a disc", "a softbox", "a ring", "a dome"][kind]);
+    let table = table.called(CALLED[kind]);
     table.only(&keys(kind))?;
     table.text_or_empty("name")?;
     let colour = colour(&table, "kelvin", "rgb")?.unwrap_or([1.0; 3]);
@@ -192,7 +195,8 @@ fn lamp(table: &Table<'_>) -> Result<Lamp> {
     Ok(Lamp { shape: shape(&table, kind, colour)?, colour, stops })
 }
 
-fn colour(table: &Table<'_>, kelvin_key: &'static str, rgb_key: &'static str) -> Result<Option<[f64; 3]>> {
+/// A colour by temperature or as such; `None` where neither is given.
+pub(super) fn colour(table: &Table<'_>, kelvin_key: &'static str, rgb_key: &'static str) -> Result<Option<[f64; 3]>> {
     match (table.get(kelvin_key), table.get(rgb_key)) {
         (Some(_), Some(rgb)) => Err(rgb.refuse("a second colour", format!("either `{kelvin_key}` or `{rgb_key}`"))),
         (Some(temperature), None) => Ok(Some(kelvin::rgb(temperature.number(KELVIN)?))),
@@ -201,7 +205,8 @@ fn colour(table: &Table<'_>, kelvin_key: &'static str, rgb_key: &'static str) ->
     }
 }
 
-fn shape(table: &Table<'_>, kind: usize, colour_of_zenith: [f64; 3]) -> Result<Shape> {
+/// The form of a lamp of a kind.
+pub(super) fn shape(table: &Table<'_>, kind: usize, colour_of_zenith: [f64; 3]) -> Result<Shape> {
     let need = |key: &'static str, bounds: Bounds| table.need(key)?.number(bounds);
     if kind == 4 {
         let horizon = colour(table, "horizon_kelvin", "horizon_rgb")?.unwrap_or(colour_of_zenith);

@@ -2,10 +2,12 @@
 //! store them. A new setting gets a neutral default.
 //!
 //! The settings of an object before a plate are in [`matte`]. Beside them the files in which people write settings down:
-//! [`lighting`] (lamps, and the presets that ship) and [`animation`] (lights that change with the frame).
+//! [`lighting`] (lamps, and the presets that ship), [`light4d`] (light that varies in space) and [`animation`] (lights that change
+//! with the frame).
 
 pub mod animation;
 mod curve;
+pub mod light4d;
 pub mod lighting;
 pub mod matte;
 mod table;

@@ -12,7 +12,9 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 use std::f32::consts::PI;
 
+use crate::domain::{self, Filter};
 use crate::error::{Error, Result};
+use crate::math::Vec3;
 
 use super::blocks::Blocks;
 use super::camera::Camera;
@@ -32,20 +34,20 @@ use super::{Progress, V3};
 pub(super) const LATER_ACROSS: usize = 4;
 /// What mirrors and glass throw on surfaces is gathered by a lens at least this wide, as a share of its distance: rays
 /// that meet a smaller one by chance are too few, and caustics softer by 6 degrees are caustics still.
-const CAUSTIC: f32 = 0.1;
+pub(super) const CAUSTIC: f32 = 0.1;
 
 /// A projector at one position.
 #[derive(Debug, Clone, Copy)]
-struct Stand {
-    place: V3,
+pub(super) struct Stand {
+    pub place: V3,
     /// To the origin, and to the right and the top of its picture.
-    axis: V3,
-    right: V3,
-    up: V3,
+    pub axis: V3,
+    pub right: V3,
+    pub up: V3,
 }
 
 impl Stand {
-    fn new(place: V3) -> Self {
+    pub fn new(place: V3) -> Self {
         let axis = -place.normalize();
         // From straight above or below, the top of the picture is away from the camera.
         let upright = if axis.y.abs() > 0.9999 { -V3::z() } else { V3::y() };
@@ -84,6 +86,16 @@ impl Gantry {
     /// Its squares as grids.
     pub fn grids(&self) -> Grids {
         Grids { columns: self.squares, rows: self.squares, layers: self.positions.len() }
+    }
+
+    /// Its positions and squares as a field has them.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn domain(&self) -> Result<domain::Gantry> {
+        self.check("gantry")?;
+        let places: Vec<Vec3> = self.positions.iter().map(|place| place.cast()).collect();
+        domain::Gantry::looking_at_origin(&places, self.squares, f64::from(self.view_rad), Filter::Box)
     }
 
     /// Checks what it is made of; ask once, where the figures come in.

@@ -6,9 +6,11 @@
 //! | `tracer` | paths, and the trait through which they hand over light |
 //! | [`Stage`], [`StageBands`] | light collected by lamp cell: `T`, band by band |
 //! | [`truth`] | light collected from maps: the picture itself |
+//! | [`lit`] | the same for light that varies in space |
 //! | [`lights`] | sky, window and strip as maps |
 //! | [`Monitor`], [`ScreenPlane`], [`Screen`] | a screen behind the scene: where it is, and what its codes emit |
 //! | [`Gantry`] | a projector carried about the scene |
+//! | `reverse` | the scene from the projector's side, lit by the camera |
 //! | [`Grids`], [`Rows`] | `T` of either rig: sparse, by elements and blocks of them, and its file |
 //! | [`Sensor`] | the camera's codes: response, noise, quantisation |
 //! | [`WhiteBall`], [`Card`] | calibration targets, in closed form |
@@ -35,10 +37,14 @@ mod gantry_tests;
 mod grids;
 mod lamps;
 pub mod lights;
+mod lit;
+#[cfg(test)]
+mod lit_tests;
 mod material;
 mod monitor;
 #[cfg(test)]
 mod monitor_tests;
+mod reverse;
 mod rig_scenes;
 mod rows;
 mod rows_file;
@@ -59,6 +65,7 @@ pub use classes::{Class, ClassMap, classes};
 pub use demo::{demo_lamps, grid_lamps};
 pub use gantry::Gantry;
 pub use grids::Grids;
+pub use lit::lit;
 pub use material::Material;
 pub use monitor::{Monitor, ScreenPlane};
 pub use rows::Rows;

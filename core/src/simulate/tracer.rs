@@ -95,14 +95,20 @@ impl<'a> Tracer<'a> {
     /// Traces a pixel. What the collector gets is the sum over the camera rays: divide by their number. The result
     /// depends on `seed` and the pixel alone.
     pub fn pixel(&self, camera: &Camera, x: usize, y: usize, seed: u64, out: &mut dyn Collector) {
-        let mut rng = Pcg32::seed_from_u64(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y * camera.width + x) as u64);
+        let start = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (y * camera.width + x) as u64;
+        self.rays(&|u, v| camera.ray(u, v), (x, y), start, out);
+    }
+
+    /// The same for any eye, by the ray through continuous picture coordinates; `start` of the random numbers is the pixel's own.
+    pub fn rays(&self, ray: &dyn Fn(f32, f32) -> Ray, (x, y): (usize, usize), start: u64, out: &mut dyn Collector) {
+        let mut rng = Pcg32::seed_from_u64(start);
         let mut film = Spread::new(rng.random());
         let (bounce, lobe) = (Spread::new(rng.random()), Steps::new(rng.random()));
         let cones = self.speculars.iter().map(|_| Spread::new(rng.random())).collect();
         let mut state = State { rng, bounce, lobe, cones };
         for _ in 0..self.effort.samples {
             let [u, v] = film.next();
-            let ray = camera.ray(x as f32 + u, y as f32 + v);
+            let ray = ray(x as f32 + u, y as f32 + v);
             if let Some(hit) = self.scene.hit(&ray) {
                 self.arrive(&ray.direction, hit, [1.0; 3], Stand { depth: 0, first: true }, &mut state, out);
             }

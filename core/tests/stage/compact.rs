@@ -43,6 +43,7 @@ fn photograph(path: &Path) {
         largest: stage.largest(),
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::json!({"source": "virtual stage"}),
     };
     write(path, &contents, &mut stage.bands(&mut |_, _| Ok(()))).unwrap();

@@ -244,6 +244,7 @@ fn tiles_are_as_large_as_functions_are_alike() {
             largest: 1.0,
             ambient: None,
             alpha: None,
+            reliability: None,
             provenance: serde_json::Value::Null,
         };
         let functions = (0..64).map(|_| (0..domain.len()).map(|_| rng.random_range(0.0..1.0)).collect()).collect();

@@ -49,6 +49,7 @@ fn asset(lamps: &Directions, dim: &[(usize, f32)], folder: &Path) -> Asset {
         largest: stage.largest(),
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::Value::Null,
     };
     let path = folder.join("a.rfield");

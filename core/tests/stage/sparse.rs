@@ -42,6 +42,7 @@ fn still_life(folder: &Path) -> PathBuf {
         largest: stage.largest(),
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::json!({"source": "virtual stage"}),
     };
     let path = folder.join("samples.rfield");

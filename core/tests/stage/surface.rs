@@ -37,6 +37,7 @@ fn photograph(scene: &Scene, lamps: &Directions, path: &Path) -> Asset {
         largest: stage.largest(),
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::json!({"source": "sphere"}),
     };
     field::write(path, &contents, &mut stage.bands(&mut |_, _| Ok(()))).unwrap();

@@ -91,6 +91,7 @@ impl GraycodeArguments {
             largest: field.largest,
             ambient: None,
             alpha: Some(field.alpha.clone()),
+            reliability: None,
             provenance: serde_json::json!({
                 "import": "graycode",
                 "crop": [field.window.x0, field.window.y0, field.window.x1, field.window.y1],

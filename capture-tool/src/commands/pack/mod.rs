@@ -1,5 +1,6 @@
 //! `relume pack`: a session -> a field.
 
+mod gantry;
 mod screen;
 
 use std::fmt::Write as _;
@@ -17,6 +18,7 @@ use relume_core::hdr::Curve;
 use relume_core::image::{ColourSpace, EncodeOptions, Encoding, write};
 use relume_core::{Error, Result as CoreResult};
 
+use self::gantry::GantryFlags;
 use self::screen::ScreenFlags;
 use super::info::Info;
 use super::note;
@@ -40,6 +42,7 @@ Examples:
   relume pack glass -o glass.rfield --terms 64
   relume pack glass -o glass.rfield --basis 9/7 --bare glass-bare
   relume pack glass -o glass.rfield --tiles 1-32
+  relume pack chess -o chess.rfield --store terms --error 0.01
 
 Brackets are merged with the camera's response and black level, the ambient light is subtracted, drift of the lamps is corrected,
 and each photograph is divided by what its lamp gives a patch facing it. What was found stands in the session's calibration/.
@@ -48,7 +51,10 @@ The photographs stay as they are: pack again as often as you like.
 Patterns of noise on a screen are solved pixel by pixel. Where Gray codes and stripes were photographed as well, the screen that
 is seen past the object is taken out of the photographs, and T is in units of the white screen. A tile is a row of 8 pixels:
 --tiles writes A.rfield.part-A-B, and `relume merge` joins what several machines have solved. A large field that was stopped
-goes on where it was.";
+goes on where it was.
+
+Squares of a projector that were lit together are told apart by the smaller of two photographs (7.5). Where that fails, in hollows, the
+notes say so, and calibration/reliability/ in the session shows it; the layer `reliability` of the field sums it up.";
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -69,6 +75,8 @@ pub struct Arguments {
     precision: PrecisionChoice,
     #[command(flatten)]
     screen: ScreenFlags,
+    #[command(flatten)]
+    gantry: GantryFlags,
 }
 
 /// Where to: at least one.
@@ -125,6 +133,17 @@ impl Arguments {
             report += &self.merge_all(&records, &developer, folder)?;
         }
         let Some(output) = &self.target.output else { return Ok(report) };
+        if let Some(gantry) = &capture.rig.gantry {
+            self.screen.refuse("a field of a projector")?;
+            if self.partial {
+                anyhow::bail!("--partial is for stages: a position without its photographs is a hole in the light");
+            }
+            let captured = gantry::Captured { capture, gantry, records: &records, developer: &developer };
+            report += &gantry::captured(self, &captured, output)?;
+            developer.doubts().iter().for_each(|doubt| note(doubt));
+            return Ok(report);
+        }
+        self.gantry.refuse("a field of another rig")?;
         if let Some(monitor) = &capture.rig.monitor {
             let captured = screen::Captured { capture, monitor, records: &records, developer: &developer };
             report += &screen::captured(self, &captured, output)?;
@@ -133,13 +152,7 @@ impl Arguments {
         }
         self.screen.refuse("a field of a stage")?;
         let Some(stage) = &capture.rig.stage else {
-            return Err(Error::Unsupported {
-                place: self.session.display().to_string(),
-                what: format!("a field of {} patterns", capture.sampler),
-                advice: "this version solves stages and screens; --merged DIR writes the photographs as light"
-                    .to_owned(),
-            }
-            .into());
+            return Err(Error::invalid(self.session.display().to_string(), "a rig without lights", "a rig file").into());
         };
         let irradiances = Irradiances::new(&records, &developer, &capture.rig, stage)?;
         let checks = Checks::new(&records, &developer)?;
@@ -221,6 +234,7 @@ impl Arguments {
         let Some(output) = &self.target.output else {
             anyhow::bail!("--merged is for captured brackets; imported photographs are merged already");
         };
+        self.gantry.refuse("a field of another rig")?;
         match import.kind.as_str() {
             "lp" => self.screen.refuse("a field of lamps")?,
             "pairs" => return screen::imported(self, import, output),

@@ -382,7 +382,7 @@ fn keyed(
 }
 
 /// The coverage in a picture of this size.
-fn read_alpha(path: &Path, size: (usize, usize)) -> CoreResult<Vec<f32>> {
+pub(super) fn read_alpha(path: &Path, size: (usize, usize)) -> CoreResult<Vec<f32>> {
     let place = path.display().to_string();
     let found = probe_size(path)?;
     if found != size {

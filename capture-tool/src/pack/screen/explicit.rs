@@ -118,6 +118,7 @@ impl ExplicitPack<'_> {
             largest: pictures.largest(),
             ambient,
             alpha: self.view.alpha.clone(),
+            reliability: None,
             provenance,
         };
         let locations: Vec<u32> = self.functions.iter().map(|function| function.location).collect();

@@ -118,6 +118,7 @@ impl ImplicitPack<'_> {
             largest: HEADROOM * gathered.largest().max(f32::MIN_POSITIVE),
             ambient,
             alpha: self.coverage(&edges),
+            reliability: None,
             provenance: serde_json::Value::Object(provenance),
         };
         let job = Job { pack: self, solver: &solver, edges: &edges, contents };

@@ -62,6 +62,7 @@ impl ScanPack<'_> {
             largest: gathered.largest(),
             ambient,
             alpha: self.view.alpha.clone(),
+            reliability: None,
             provenance,
         };
         let step = &mut |done, all| progress.step(done, all);

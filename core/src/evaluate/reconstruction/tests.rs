@@ -81,6 +81,7 @@ fn random_field(folder: &Path, lamps: Directions) -> Asset {
         largest: 1.0,
         ambient: None,
         alpha: None,
+        reliability: None,
         provenance: serde_json::Value::Null,
         colour_space: Default::default(),
     };

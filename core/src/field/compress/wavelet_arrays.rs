@@ -58,6 +58,7 @@ impl Finished for Arrays {
         let Wanted { wavelet, grid, reconstruction, error, terms } = self.wanted;
         self.terms.write(out)?;
         Ok(Representation::Wavelet {
+            with_texels: false,
             wavelet: wavelet.id().to_owned(),
             grid: [grid.0, grid.1],
             reconstruction: Some(reconstruction.id().to_owned()),

@@ -15,12 +15,12 @@
 //! | [`kelvin`] | colour temperature -> linear Rec.709 |
 
 pub mod kelvin;
-mod quadrature;
+pub(super) mod quadrature;
 
 use std::f64::consts::PI;
 
 use super::Beam;
-use crate::math::Vec3;
+use crate::math::{Vec3, angle_between};
 use quadrature::Patch;
 
 /// Lamps, lit together.
@@ -125,15 +125,20 @@ pub enum Shape {
 impl Lamp {
     /// The lamp as beams.
     pub fn beams(&self) -> Vec<Beam> {
+        self.beams_apart(quadrature::SPACING_RAD)
+    }
+
+    /// The lamp as beams about so far apart.
+    pub(super) fn beams_apart(&self, spacing_rad: f64) -> Vec<Beam> {
         let total = self.colour.map(|c| PI * self.stops.exp2() * c);
         let patches = match self.shape {
             Shape::Directional { aim } => vec![Patch { direction: aim.direction(), steradians: 1.0 }],
-            Shape::Disc { aim, radius_rad } => quadrature::annulus(&aim, 0.0, radius_rad),
-            Shape::Ring { aim, inner_rad, outer_rad } => quadrature::annulus(&aim, inner_rad, outer_rad),
+            Shape::Disc { aim, radius_rad } => quadrature::annulus(&aim, 0.0, radius_rad, spacing_rad),
+            Shape::Ring { aim, inner_rad, outer_rad } => quadrature::annulus(&aim, inner_rad, outer_rad, spacing_rad),
             Shape::Softbox { aim, width, height, distance, turn_rad } => {
-                quadrature::rectangle(&aim, turn_rad, [width / distance, height / distance])
+                quadrature::rectangle(&aim, turn_rad, [width / distance, height / distance], spacing_rad)
             }
-            Shape::Dome { horizon, horizon_stops, ground } => return self.dome(horizon, horizon_stops, ground),
+            Shape::Dome { ground, .. } => return self.dome(ground > 0.0, spacing_rad),
         };
         let all: f64 = patches.iter().map(|patch| patch.steradians).sum();
         let beam =
@@ -141,30 +146,51 @@ impl Lamp {
         patches.into_iter().map(beam).collect()
     }
 
-    /// `L(e) = k (h H (1 - sin e) + Z sin e)`, Z and H the colours of zenith and horizon, h the horizon's gain. A patch
-    /// facing the zenith gets `integral of L sin e dw = pi k (h H / 3 + 2 Z / 3)`; k makes that `pi 2^stops` for white.
-    fn dome(&self, horizon: [f64; 3], horizon_stops: f64, ground: f64) -> Vec<Beam> {
-        let h = horizon_stops.exp2();
-        let k = self.stops.exp2() / (h / 3.0 + 2.0 / 3.0);
-        // A diffuse ground of albedo a under irradiance E has the radiance a E / pi.
-        let below: [f64; 3] = std::array::from_fn(|c| ground * k * (h * horizon[c] / 3.0 + 2.0 * self.colour[c] / 3.0));
-        let radiance = |up: f64| -> [f64; 3] {
-            if up < 0.0 {
-                return below;
-            }
-            std::array::from_fn(|c| k * (h * horizon[c] * (1.0 - up) + self.colour[c] * up))
-        };
+    /// Upper half, and `below` the lower one too.
+    fn dome(&self, below: bool, spacing_rad: f64) -> Vec<Beam> {
         let zenith = Aim { azimuth_rad: 0.0, elevation_rad: PI / 2.0 };
         let nadir = Aim { azimuth_rad: 0.0, elevation_rad: -PI / 2.0 };
-        let mut patches = quadrature::annulus(&zenith, 0.0, PI / 2.0);
-        if ground > 0.0 {
-            patches.extend(quadrature::annulus(&nadir, 0.0, PI / 2.0));
+        let mut patches = quadrature::annulus(&zenith, 0.0, PI / 2.0, spacing_rad);
+        if below {
+            patches.extend(quadrature::annulus(&nadir, 0.0, PI / 2.0, spacing_rad));
         }
         let beam = |patch: Patch| Beam {
             direction: patch.direction,
-            irradiance: radiance(patch.direction.y).map(|l| l * patch.steradians),
+            irradiance: self.radiance(&patch.direction).map(|l| l * patch.steradians),
         };
         patches.into_iter().map(beam).collect()
+    }
+
+    /// Radiance from a direction: of a dome as it is; of other shapes relative, 1 of their colour, for they are of one radiance.
+    ///
+    /// A dome has `L(e) = k (h H (1 - sin e) + Z sin e)`, Z and H the colours of zenith and horizon, h the horizon's gain. A patch
+    /// facing the zenith gets `integral of L sin e dw = pi k (h H / 3 + 2 Z / 3)`; k makes that `pi 2^stops` for white.
+    pub(super) fn radiance(&self, direction: &Vec3) -> [f64; 3] {
+        let inside = match self.shape {
+            Shape::Directional { .. } => false,
+            Shape::Disc { aim, radius_rad } => angle_between(&aim.direction(), direction) <= radius_rad,
+            Shape::Ring { aim, inner_rad, outer_rad } => {
+                (inner_rad..=outer_rad).contains(&angle_between(&aim.direction(), direction))
+            }
+            Shape::Softbox { aim, width, height, distance, turn_rad } => {
+                let depth = aim.direction().dot(direction);
+                let [x, y] = quadrature::sides(&aim, turn_rad).map(|side| side.dot(direction).abs() * distance);
+                depth > 0.0 && x <= depth * width / 2.0 && y <= depth * height / 2.0
+            }
+            Shape::Dome { horizon, horizon_stops, ground } => {
+                let h = horizon_stops.exp2();
+                let k = self.stops.exp2() / (h / 3.0 + 2.0 / 3.0);
+                let up = direction.y;
+                return std::array::from_fn(|c| {
+                    if up < 0.0 {
+                        // A diffuse ground of albedo a under irradiance E has the radiance a E / pi.
+                        return ground * k * (h * horizon[c] / 3.0 + 2.0 * self.colour[c] / 3.0);
+                    }
+                    k * (h * horizon[c] * (1.0 - up) + self.colour[c] * up)
+                });
+            }
+        };
+        if inside { self.colour } else { [0.0; 3] }
     }
 }
 

@@ -1,0 +1,219 @@
+//! A projector's asset, relit: what it photographed comes back, far light is a stage's, parallax is right.
+
+use std::f64::consts::PI;
+use std::ops::Range;
+use std::sync::OnceLock;
+
+use super::*;
+use crate::domain::{Domain, Gantry};
+use crate::error::Result;
+use crate::field::{Access, Asset, BLOCK_PIXELS, Bands, Contents, Layout, Precision, write};
+use crate::illumination::{Beam, EnvMap, Incident};
+use crate::image::{ColourSpace, Image, Window};
+use crate::math::Vec3;
+use crate::reconstruct::{Method, Outside, Squares};
+use crate::simulate::{self, Camera, Quality, Rows};
+
+const SIZE: (usize, usize) = (48, 36);
+const WHOLE: Window = Window { x0: 0, y0: 0, x1: SIZE.0, y1: SIZE.1 };
+
+/// Light of a point: a picture in the directions of some camera-like frame.
+#[derive(Debug)]
+struct Thrown<'a> {
+    place: Vec3,
+    /// Radiant intensity towards a point.
+    intensity: fn(&Gantry, &Vec3) -> f64,
+    gantry: &'a Gantry,
+}
+
+impl Incident for Thrown<'_> {
+    fn arriving(&self, at: &Vec3, each: &mut dyn FnMut(Vec3, [f64; 3])) {
+        let to = self.place - at;
+        let irradiance = (self.intensity)(self.gantry, at) / to.norm_squared();
+        each(to.normalize(), [irradiance, 0.5 * irradiance, 0.0]);
+    }
+
+    fn radiance(&self, _: &Vec3, _: &Vec3) -> [f64; 3] {
+        [0.0; 3]
+    }
+
+    fn has_radiance(&self) -> bool {
+        false
+    }
+
+    fn parts(&self) -> Vec<(String, &dyn Incident)> {
+        vec![("the lantern".to_owned(), self)]
+    }
+}
+
+struct Columns(Vec<Image>);
+
+impl Bands for Columns {
+    fn fill(&mut self, by: usize, columns: Range<usize>, blocks: &mut [f32]) -> Result<()> {
+        let layout = Layout { width: SIZE.0, height: SIZE.1, elements: self.0.len() };
+        for (n, block) in blocks.chunks_exact_mut(layout.block_len()).enumerate() {
+            for (at, value) in block.iter_mut().enumerate() {
+                let (x, y) = ((columns.start + n / 3) * 16 + at % BLOCK_PIXELS % 16, by * 8 + at % BLOCK_PIXELS / 16);
+                if x < SIZE.0 && y < SIZE.1 {
+                    *value = self.0[at / BLOCK_PIXELS].pixel(x, y)[n % 3];
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn virtual_gantry() -> simulate::Gantry {
+    simulate::Gantry::demo(Camera::gantry(SIZE.0, SIZE.1), (4, 2), 8)
+}
+
+fn rows() -> &'static Rows {
+    static ROWS: OnceLock<Rows> = OnceLock::new();
+    ROWS.get_or_init(|| {
+        let quality = Quality { samples: 4, bounces: 2, stride: 2, cone_density: 300.0, depth: 4, seed: 1 };
+        virtual_gantry().trace(&quality, &mut |_, _| Ok(())).unwrap()
+    })
+}
+
+fn relighter() -> &'static Relighter {
+    static RELIGHTER: OnceLock<Relighter> = OnceLock::new();
+    RELIGHTER.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("gantry.rfield");
+        let gantry = virtual_gantry().domain().unwrap();
+        let columns: Vec<Image> = (0..gantry.len()).map(|n| rows().element(n).unwrap()).collect();
+        let largest = columns.iter().flat_map(|image| image.data()).fold(0.0f32, |most, v| most.max(v.abs()));
+        let contents = Contents {
+            irradiance: vec![2.0; gantry.poses().len()],
+            domain: Domain::from(gantry),
+            width: SIZE.0,
+            height: SIZE.1,
+            colour_space: ColourSpace::default(),
+            precision: Precision::Float,
+            largest,
+            ambient: None,
+            alpha: None,
+            reliability: None,
+            provenance: serde_json::Value::Null,
+        };
+        write(&path, &contents, &mut Columns(columns)).unwrap();
+        // Mapped: the folder may go.
+        Relighter::new(Asset::open(&path, Access::Mapped).unwrap()).unwrap()
+    })
+}
+
+fn lit(light: Light<'_>, look: &Look) -> Image {
+    let relighter = relighter();
+    let weights = relighter.weights(light, look).unwrap();
+    relighter.render(&weights, look, WHOLE).unwrap().into_rgb()
+}
+
+/// Relative L2 of the red channel.
+fn off(found: &Image, truth: &Image) -> f64 {
+    let (mut difference, mut all) = (0.0, 0.0);
+    for (a, b) in found.data().iter().zip(truth.data()).step_by(3) {
+        difference += f64::from(a - b).powi(2);
+        all += f64::from(*b).powi(2);
+    }
+    (difference / all).sqrt()
+}
+
+fn gantry() -> &'static Gantry {
+    relighter().gantry().unwrap()
+}
+
+/// Even over squares, so that box filtering changes nothing.
+fn by_squares(gantry: &Gantry, at: &Vec3) -> f64 {
+    let Some([u, v]) = gantry.seen(3, at).filter(|s| s.iter().all(|s| (0.0..1.0).contains(s))) else { return 0.0 };
+    1.0 + (u * 8.0).floor() * 0.3 + (v * 8.0).floor() * 0.1
+}
+
+#[test]
+fn a_projector_in_its_own_place_is_given_back() {
+    let thrown = Thrown { place: gantry().poses()[3].place, intensity: by_squares, gantry: gantry() };
+    let weights = relighter().weights(Light::Field(&thrown), &Look::default()).unwrap();
+    for (element, rgb) in weights.rgb.iter().enumerate() {
+        let (position, row, column) = gantry().place(element);
+        let expected = if position == 3 { 1.0 + 0.3 * column as f32 + 0.1 * row as f32 } else { 0.0 };
+        assert!((rgb[0] - expected).abs() < 1e-4, "{element}: {} is not {expected}", rgb[0]);
+    }
+    let mut emitted = vec![[0.0f32; 3]; gantry().len()];
+    emitted.iter_mut().zip(&weights.rgb).for_each(|(e, w)| *e = *w);
+    let truth = rows().photograph(&emitted).unwrap();
+    assert!(off(&lit(Light::Field(&thrown), &Look::default()), &truth) < 1e-3);
+}
+
+#[test]
+fn one_square_is_photographed_again() {
+    let element = gantry().element(2, 4, 3);
+    let found = lit(Light::Lamp(element + 1), &Look::default());
+    let mut truth = rows().element(element).unwrap();
+    truth.data_mut().iter_mut().for_each(|v| *v *= 2.0);
+    assert!(off(&found, &truth) < 1e-3);
+    assert!(relighter().weights(Light::Lamp(513), &Look::default()).is_err());
+}
+
+/// From everywhere alike: each point of the focal plane gets the covered solid angle, times pi or so of falling light.
+#[test]
+fn even_light_gives_every_point_the_same() {
+    let squares = Squares::new(gantry().clone().into(), Method::Linear, Outside::Drop).unwrap();
+    let map = EnvMap::from_fn(64, 32, |_| [1.0; 3]);
+    let weights = squares.project(&map);
+    let solid_angle = gantry().directions().covered_solid_angle();
+    // At the origin, from the middle of every picture.
+    let middle = |p: usize| {
+        let distance = gantry().poses()[p].place.norm_squared();
+        [(3, 3), (3, 4), (4, 3), (4, 4)]
+            .map(|(r, c)| f64::from(weights[gantry().element(p, r, c)][0]))
+            .iter()
+            .sum::<f64>()
+            / 4.0
+            / distance
+    };
+    let sum: f64 = (0..8).map(middle).sum();
+    assert!((sum / solid_angle - 1.0).abs() < 0.02, "{sum} is not {solid_angle}");
+}
+
+/// A far beam is spread over the positions as over a stage's lamps, in the middle of the picture.
+#[test]
+fn far_light_is_a_stages() {
+    let beam = Beam { direction: gantry().directions().lamps()[5], irradiance: [PI; 3] };
+    let weights = relighter().weights(Light::Beams(&[beam]), &Look::default()).unwrap();
+    let of_position = |p: usize| {
+        let distance = gantry().poses()[p].place.norm_squared() as f32;
+        let around = [(3, 3), (3, 4), (4, 3), (4, 4)].map(|(r, c)| weights.rgb[gantry().element(p, r, c)][0]);
+        around.iter().sum::<f32>() / 4.0 / distance
+    };
+    for p in 0..8 {
+        let expected = if p == 5 { PI as f32 } else { 0.0 };
+        // Half a square away from the middle a ray comes from beside the position, and its neighbours have a share.
+        assert!((of_position(p) - expected).abs() < 0.3, "{p}: {}", of_position(p));
+    }
+    // Flat light is the same as far light.
+    let flat =
+        Thrown { place: gantry().directions().lamps()[5] * 400.0, intensity: |_, _| PI * 160_000.0, gantry: gantry() };
+    let [far, near] = [Light::Flat(&flat), Light::Field(&flat)].map(|light| lit(light, &Look::default()));
+    let truth = lit(Light::Beams(&[beam]), &Look::default());
+    assert!(off(&far, &truth) < 1e-5 && off(&near, &truth) < 0.02, "{} {}", off(&far, &truth), off(&near, &truth));
+}
+
+#[test]
+fn light_behind_is_refused_or_given_to_the_nearest() {
+    let behind = Thrown { place: Vec3::new(0.0, -5.0, -1.0), intensity: |_, _| 1.0, gantry: gantry() };
+    let message = relighter().weights(Light::Field(&behind), &Look::default()).unwrap_err().to_string();
+    assert!(message.contains("the lantern") && message.contains("nearest"), "{message}");
+    let look = Look { outside: Outside::Nearest, ..Look::default() };
+    let weights = relighter().weights(Light::Field(&behind), &look).unwrap();
+    assert!(weights.rgb.iter().any(|rgb| rgb[0] > 0.0));
+}
+
+#[test]
+fn turning_the_light_turns_it() {
+    let lamps = gantry().directions().lamps();
+    let thrown = Thrown { place: lamps[0] * 4.0, intensity: |_, _| 1.0, gantry: gantry() };
+    let look = Look { heading_deg: 90.0, outside: Outside::Nearest, ..Look::default() };
+    let turned = Thrown { place: look.orientation().matrix() * thrown.place, ..thrown };
+    let neutral = Look { outside: Outside::Nearest, ..Look::default() };
+    let [a, b] = [(&thrown, &look), (&turned, &neutral)].map(|(light, look)| lit(Light::Field(light), look));
+    assert!(off(&a, &b) < 1e-5);
+}
