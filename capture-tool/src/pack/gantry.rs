@@ -81,6 +81,8 @@ pub struct Packed {
 
 /// Photographs of one position.
 struct AtPosition<'a> {
+    /// That of the session; or each square by itself, where a position was photographed so as well (`--brute-force`).
+    scheme: Scheme,
     black: &'a Photograph,
     patterns: Vec<&'a Photograph>,
 }
@@ -102,18 +104,11 @@ impl GantryPack<'_> {
         self.rig.filter
     }
 
-    /// Photographs a position, without the black one.
-    fn patterns(&self) -> usize {
-        match self.scheme {
-            Scheme::Each => self.rig.squares * self.rig.squares,
-            Scheme::Crossed(scheme) => scheme.photographs(),
-        }
-    }
-
-    fn set(&self) -> &'static str {
-        match self.scheme {
-            Scheme::Each => Samples::Squares.set(),
-            Scheme::Crossed(_) => Samples::Crossed.set(),
+    /// Photographs a position, without the black one, and the set of their patterns.
+    fn patterns(&self, scheme: Scheme) -> (usize, &'static str) {
+        match scheme {
+            Scheme::Each => (self.rig.squares * self.rig.squares, Samples::Squares.set()),
+            Scheme::Crossed(scheme) => (scheme.photographs(), Samples::Crossed.set()),
         }
     }
 
@@ -140,15 +135,17 @@ impl GantryPack<'_> {
 
     /// The photographs by position, all of them there.
     fn by_position(&self) -> Result<Vec<AtPosition<'_>>> {
-        let mut found: HashMap<(usize, usize), &Photograph> = HashMap::new();
+        let mut found: HashMap<(&str, usize, usize), &Photograph> = HashMap::new();
         for photograph in self.records.of(Role::Sample) {
-            if let Condition::Pattern { set, number, stop } = &photograph.condition
-                && set == self.set()
-            {
-                found.insert((*stop, *number), photograph);
+            if let Condition::Pattern { set, number, stop } = &photograph.condition {
+                found.insert((set, *stop, *number), photograph);
             }
         }
-        let count = self.patterns();
+        let (each, squares) = self.patterns(Scheme::Each);
+        let scheme = |stop: usize| {
+            let one_by_one = (0..each).all(|n| found.contains_key(&(squares, stop, n)));
+            if one_by_one { Scheme::Each } else { self.scheme }
+        };
         let at = |stop: usize| -> Result<AtPosition<'_>> {
             let place = format!("position {}", stop + 1);
             let again = "go on with `relume capture --resume`";
@@ -158,14 +155,15 @@ impl GantryPack<'_> {
                 );
                 return Err(Error::invalid(place, "no black photograph", expected));
             };
-            let patterns: Vec<Option<&Photograph>> = (0..count).map(|n| found.get(&(stop, n)).copied()).collect();
+            let scheme = scheme(stop);
+            let (count, set) = self.patterns(scheme);
+            let patterns: Vec<Option<&Photograph>> = (0..count).map(|n| found.get(&(set, stop, n)).copied()).collect();
             if let Some(missing) = patterns.iter().position(Option::is_none) {
                 let lost = patterns.iter().filter(|p| p.is_none()).count();
-                let found =
-                    format!("{lost} of {count} patterns without a photograph, {} {} first", self.set(), missing + 1);
+                let found = format!("{lost} of {count} patterns without a photograph, {set} {} first", missing + 1);
                 return Err(Error::invalid(place, found, format!("all of them; {again}")));
             }
-            Ok(AtPosition { black, patterns: patterns.into_iter().flatten().collect() })
+            Ok(AtPosition { scheme, black, patterns: patterns.into_iter().flatten().collect() })
         };
         (0..self.rig.positions.count()).map(at).collect()
     }
@@ -191,7 +189,8 @@ impl GantryPack<'_> {
             sums: [vec![0.0; size.0 * size.1], vec![0.0; size.0 * size.1]],
             unit: self.unit(&positions)?,
             done: 0,
-            total: (positions.len() * (self.patterns() + 1) + size.1.div_ceil(BLOCK_HEIGHT)) as u64,
+            total: (positions.iter().map(|position| position.patterns.len() + 1).sum::<usize>()
+                + size.1.div_ceil(BLOCK_HEIGHT)) as u64,
         };
         let squares = self.rig.squares * self.rig.squares;
         let mut samples = Photographs::new(size.0, size.1, folder_of(output));
@@ -324,7 +323,7 @@ impl Job<'_> {
         }
         self.see_ambient(&black);
         let unit = self.unit / self.pack.white(stop);
-        let mut gathering = match self.pack.scheme {
+        let mut gathering = match position.scheme {
             Scheme::Each => None,
             Scheme::Crossed(scheme) => {
                 let mut gathering = scheme.gather(format!("position {}", stop + 1));
@@ -343,7 +342,15 @@ impl Job<'_> {
                 self.packed.clipped = self.packed.clipped.max(clipped);
                 match &mut gathering {
                     Some(gathering) => gathering.photograph(*number, picture)?,
-                    None => into.push(picture)?,
+                    None => {
+                        // Nothing to tell apart: what was recovered is what was photographed.
+                        let grey =
+                            picture.data().as_chunks::<3>().0.iter().map(|rgb| f64::from(rgb.iter().sum::<f32>()));
+                        let [recovered, white] = &mut self.sums;
+                        let sums = recovered.iter_mut().zip(white).zip(grey);
+                        sums.for_each(|((recovered, white), v)| (*recovered, *white) = (*recovered + v, *white + v));
+                        into.push(picture)?;
+                    }
                 }
             }
             self.done += group.len() as u64;
@@ -353,7 +360,7 @@ impl Job<'_> {
             self.told_apart(stop, gathering, into)?;
         }
         self.done += 1;
-        Ok(progress(self.done, self.total)?)
+        progress(self.done, self.total)
     }
 
     /// Squares from sets of them, and what is to be said of that.
