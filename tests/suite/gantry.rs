@@ -123,7 +123,9 @@ fn mistakes_with_projectors_are_told() {
         "[[light]]\nkind = \"probes\"\norigin = [-1, 1, -1]\nacross = [1, 0, 0]\ndown = [0, 0, 1]\ncolumns = 2\nrows = 2\npattern = \"p{column}{row}.exr\"\n",
     );
     let map = Image::from_fn(8, 4, |_, _| [1.0; 3]);
-    ["p00.exr", "p10.exr", "p01.exr"].map(|name| write(&set.path(name), &map, EncodeOptions::default()).unwrap());
+    for name in ["p00.exr", "p10.exr", "p01.exr"] {
+        write(&set.path(name), &map, EncodeOptions::default()).unwrap();
+    }
     refuse(&mut relight(&set, "a.rfield", &["--light4d", &hole]), &["column 1", "row 1", "p11.exr"]);
     write(&set.path("p11.exr"), &map, EncodeOptions::default()).unwrap();
     succeed(&mut relight(&set, "a.rfield", &["--light4d", &hole]));
