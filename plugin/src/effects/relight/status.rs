@@ -45,7 +45,7 @@ fn line(
     let asset = field.asset();
     let lamps = asset.domain().len();
     let lights = match asset.domain().gantry() {
-        Some(gantry) => format!("{} positions of {} x {} squares", gantry.len(), gantry.side(), gantry.side()),
+        Some(gantry) => format!("{} positions of {} x {} squares", gantry.poses().len(), gantry.side(), gantry.side()),
         None => format!("{lamps} lamps"),
     };
     let form = match field.choose(controls.look.representation, controls.lamp.is_some())? {
