@@ -470,12 +470,18 @@ fn screens_and_projectors_go_through_the_same_loop() {
         let rest = rest.replace("[calibration]\n", &format!("[calibration]\npatterns = [{patterns}]\n"));
         format!("{}{table}[camera]{rest}", head.replace("\"stage\"", &format!("\"{kind}\"")))
     };
+    let with = |line: &str| projector.replace("influence = 2", line);
     // Dark, Gray codes of 4 + 4 bits with inverses, black, white, and the samples.
     for (rig, options, steps) in [
         (rig("monitor", screen, "\"gray-code\""), &[][..], 1 + 16 + 2 + 6),
         (rig("monitor", screen, ""), &["--sampler", "scan"], 1 + 2 + 16),
         (rig("gantry", projector, ""), &[], 1 + 2 * (2 + 16)),
         (rig("gantry", projector, ""), &["--sampler", "separable"], 1 + 2 * (1 + 16)),
+        (
+            rig("gantry", &with("influence = 2\nfilter = \"tent\"\ntexels = 2"), ""),
+            &["--sampler", "separable"],
+            1 + 2 * (1 + 16),
+        ),
     ] {
         let set = Capture::with(&rig);
         succeed(set.begin("s", options).args(["--max-photos", "9"]));
@@ -484,8 +490,7 @@ fn screens_and_projectors_go_through_the_same_loop() {
         let mut pack = tool("pack");
         pack.arg(set.path("s")).arg("-o").arg(set.path("a.rfield"));
         match (rig.contains("[monitor]"), options) {
-            (false, _) => drop(refuse(&mut pack, &["of", "patterns", "--merged"])),
-            (true, ["--sampler", "scan"]) => drop(succeed(&mut pack)),
+            (false, _) | (true, ["--sampler", "scan"]) => drop(succeed(&mut pack)),
             // Six patterns tell no 64 terms.
             (true, _) => drop(refuse(&mut pack, &["expected"])),
         }
@@ -513,6 +518,7 @@ fn screens_and_projectors_go_through_the_same_loop() {
                 (&last["condition"]["pattern"]["set"], &last["condition"]["pattern"]["stop"]),
                 (&"squares".into(), &1.into())
             );
+            succeed(tool("pack").arg(set.path("s")).arg("-o").arg(set.path("b.rfield")));
         }
         if rig.contains("[monitor]") {
             let picture = relume_core::image::Image::from_fn(8, 8, |x, _| [x as f32 / 8.0, 0.2, 0.1]);
@@ -532,6 +538,18 @@ fn screens_and_projectors_go_through_the_same_loop() {
             refuse(&mut set.resume("s", &["--sampler", "noise"]), &["begun with --sampler"]);
         }
     }
+    for (line, words) in [
+        ("influence = 0", "influence: found 0, expected 1 to 4"),
+        ("influence = 5", "influence: found 5, expected 1 to 4"),
+        ("influence = 2\nfilter = \"gaussian\"\ntexels = 4", "3 or more"),
+        ("influence = 2\nfilter = \"tent\"", "texels: found 1, expected 2 or more"),
+        ("influence = 2\nfilter = \"disc\"", "gaussian"),
+    ] {
+        refuse(&mut Capture::with(&rig("gantry", &with(line), "")).begin("s", &[]), &[words]);
+    }
+    let other = Capture::with(&rig("gantry", projector, ""));
+    refuse(&mut other.begin("s", &["--influence", "2"]), &["--influence is for --sampler separable"]);
+    refuse(&mut other.begin("s", &["--sampler", "separable", "--influence", "5"]), &["--influence", "1 to 4"]);
 }
 
 /// Every rig that ships loads, and its plan stands.

@@ -9,6 +9,7 @@ mod dual;
 mod evaluate;
 mod exchange;
 mod explicit;
+mod gantry;
 mod hdr;
 mod host_self;
 mod lamps;

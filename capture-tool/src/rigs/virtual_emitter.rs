@@ -204,16 +204,19 @@ fn virtual_monitor(rig: &MonitorRig, scene: SceneChoice, camera: Camera) -> Moni
 
 /// The projector of a rig before a scene.
 pub fn virtual_gantry(rig: &GantryRig, scene: SceneChoice, camera: Camera) -> Gantry {
-    let scene = match scene {
-        SceneChoice::Convex => Scene::convex(),
-        SceneChoice::Bowl => Scene::bowl(),
-        _ => Scene::gantry(),
+    let usual = Gantry::demo(camera, (1, 1), rig.pixels());
+    // The light in a bowl by every square: by blocks of them, sets of squares would seem to fail where they do not.
+    let (scene, blocks) = match scene {
+        SceneChoice::Convex => (Scene::convex(), usual.blocks),
+        SceneChoice::Bowl => (Scene::bowl(), rig.squares),
+        _ => (Scene::gantry(), usual.blocks),
     };
     Gantry {
         scene,
+        blocks,
         positions: rig.places().iter().map(|place| place.cast()).collect(),
         view_rad: rig.view_deg.to_radians() as f32,
         lens_radius: LENS_RADIUS,
-        ..Gantry::demo(camera, (1, 1), rig.pixels())
+        ..usual
     }
 }

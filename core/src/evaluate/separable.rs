@@ -274,42 +274,41 @@ mod tests {
         gantry.trace(&quality, &mut |_, _| Ok(())).unwrap()
     }
 
-    /// The first of what issue and thesis ask for: d = 3 is within 2 % where light goes straight, is not in a bowl, and the map knows.
+    /// d = 3 is within 2 % where light goes straight.
     #[test]
-    fn the_minimum_is_right_for_a_convex_body_and_the_map_knows_where_it_is_not() {
+    fn the_minimum_is_right_for_a_convex_body() {
         let convex = traced(Scene::convex(), 4);
         for position in 0..2 {
             let study = Study::new(&convex, position).unwrap();
             let outcome = study.run(3, CameraNoise::NONE, false).unwrap();
             assert!(outcome.error < 0.02 && outcome.bad < 0.01, "{}, {}", outcome.error, outcome.bad);
             assert!(outcome.reliability.affected(Reliability::THRESHOLD) < 0.01);
+            // With noise it is no worse than brute force, which takes twice the photographs.
+            let noisy = study.run(3, CameraNoise { share: 0.005, floor: 2e-4, seed: 3 }, false).unwrap();
+            assert!(noisy.error < 1.05 * noisy.brute_force, "{}, {}", noisy.error, noisy.brute_force);
         }
-        // Light over other surfaces by blocks of squares, and by single squares: the result does not depend on it.
+    }
+
+    /// It is not in a bowl, and the map knows where; whether light over other surfaces is held by blocks of squares or by single ones.
+    #[test]
+    fn the_minimum_fails_in_a_bowl_and_the_map_knows_where() {
         for blocks in [4, SQUARES] {
             let bowl = traced(Scene::bowl(), blocks);
-            let study = Study::new(&bowl, 0).unwrap();
-            let clean = study.run(3, CameraNoise::NONE, false).unwrap();
-            let noisy = study.run(3, CameraNoise { share: 0.005, floor: 5e-4, seed: 3 }, false).unwrap();
-            for outcome in [&clean, &noisy] {
-                let auc = outcome.auc.unwrap();
-                assert!(outcome.error > 0.05, "{}", outcome.error);
-                assert!(auc > 0.9 && (0.1..0.9).contains(&outcome.bad), "{blocks}: {auc}, {}", outcome.bad);
-                assert!(outcome.reliability.affected(Reliability::THRESHOLD) > 0.2);
+            for position in 0..2 {
+                let study = Study::new(&bowl, position).unwrap();
+                let clean = study.run(3, CameraNoise::NONE, false).unwrap();
+                let noisy = study.run(3, CameraNoise { share: 0.005, floor: 2e-4, seed: 3 }, false).unwrap();
+                // Noise makes some pixels bad that no map of the scheme can know.
+                for (outcome, least) in [(&clean, 0.94), (&noisy, 0.88)] {
+                    let auc = outcome.auc.unwrap();
+                    assert!(outcome.error > 0.05, "{}", outcome.error);
+                    assert!(auc > least && (0.1..0.9).contains(&outcome.bad), "{blocks}: {auc}, {}", outcome.bad);
+                    assert!(outcome.reliability.affected(Reliability::THRESHOLD) > 0.2);
+                }
+                let fewer = study.run(6, CameraNoise::NONE, false).unwrap();
+                let none = study.run(SQUARES, CameraNoise::NONE, false).unwrap();
+                assert!(fewer.error < 0.7 * clean.error && none.error < 1e-3, "{}, {}", fewer.error, none.error);
             }
-            let fewer = study.run(6, CameraNoise::NONE, false).unwrap();
-            let none = study.run(SQUARES, CameraNoise::NONE, false).unwrap();
-            assert!(fewer.error < 0.7 * clean.error && none.error < 1e-3, "{}, {}", fewer.error, none.error);
-            eprintln!(
-                "blocks {blocks}: d = 3 {:.4} (noisy {:.4}, brute force {:.4}), bad {:.3} {:.3}, auc {:.4} {:.4}; d = 6 {:.4}",
-                clean.error,
-                noisy.error,
-                noisy.brute_force,
-                clean.bad,
-                noisy.bad,
-                clean.auc.unwrap(),
-                noisy.auc.unwrap(),
-                fewer.error
-            );
         }
     }
 

@@ -63,6 +63,10 @@ pub struct Arguments {
     /// Which influences d: every so many squares of a line are lit together.
     #[arg(long, value_name = "N,N", value_delimiter = ',', default_value = "1,2,3,4,5,6,8", value_parser = values::at_least_one)]
     influences: Vec<usize>,
+    /// Trace light over other surfaces by so many blocks of squares across the picture: fewer make it smoother over the squares than it is,
+    /// and the scheme look worse [default: each square by itself].
+    #[arg(long, value_name = "N", value_parser = values::at_least_one)]
+    blocks: Option<usize>,
     /// Noise of a photograph, as a share of its light.
     #[arg(long, value_name = "X", default_value_t = 0.005, allow_negative_numbers = true, value_parser = values::share)]
     noise: f64,
@@ -131,7 +135,7 @@ impl Arguments {
     /// The rig's scene, or all there are.
     fn subjects(&self) -> anyhow::Result<Vec<Subject>> {
         let camera = Camera::gantry(self.size.0, self.size.1);
-        let subjects = match &self.rig {
+        let mut subjects = match &self.rig {
             Some(path) => {
                 let rig = RigFile::read(path)?;
                 let Some(table) = &rig.gantry else {
@@ -153,7 +157,8 @@ impl Arguments {
                 vec![of("mixed", Scene::gantry()), of("convex", Scene::convex()), of("bowl", Scene::bowl())]
             }
         };
-        for subject in &subjects {
+        for subject in &mut subjects {
+            subject.gantry.blocks = self.blocks.unwrap_or(subject.gantry.squares);
             subject.gantry.check("the rig")?;
             let side = subject.gantry.squares;
             if let Some(wrong) = self.influences.iter().find(|d| **d > side) {

@@ -1,6 +1,6 @@
 //! Where the minimum of both sets is too bright: the recovered squares, summed, against the photograph of all of them.
 //!
-//! `excess = (sum of min - white) / white`, over a window of pixels, is by how much too bright the picture under all squares would be.
+//! `excess = (sum of min - white) / white`, of a pixel or, where noise asks for it, of a window about it, is by how much too bright the picture under all squares would be.
 //! The sum has n^2 terms of which most are dark, each with the noise of its photographs and all with that of the one black
 //! photograph that was subtracted: `n^2 - d n` times its deviation is left in the difference, which is nearly all. Pixels whose white
 //! does not stand out of that are not judged.
@@ -13,8 +13,10 @@ use rayon::prelude::*;
 use super::{Position, common};
 use crate::image::Image;
 
-/// Pixels to either side of the window: 25 of them are a fifth of the noise.
-const AROUND: usize = 2;
+/// Pixels to either side of the window, tried in turn until noise is small: 81 of them have a ninth of it.
+const AROUND: [usize; 4] = [0, 1, 2, 4];
+/// Noise is small when the deviation of the excess is below this.
+const SMALL: f64 = 0.03;
 /// Pixels are judged where the deviation of their excess is below this.
 const JUDGED: f64 = 0.1;
 /// Deviations that an excess has to be beyond the threshold.
@@ -41,19 +43,29 @@ impl Reliability {
         let (width, height) = position.sums[0].size();
         let white = grey(&position.white());
         let over: Vec<f32> = summed(position).iter().zip(&white).map(|(sum, white)| sum - white).collect();
-        let (over, white) = (window(&over, width, height), window(&white, width, height));
         let scheme = position.scheme;
+        // Black's noise is in every term; three channels are summed.
         let terms = (scheme.side * scheme.side - scheme.set()) as f64;
-        let window = (2 * AROUND + 1) as f64;
-        // Of the mean over the window; three channels are summed.
-        let noise = terms * position.noise * 3f64.sqrt() / window;
-        let deviation: Vec<f32> =
-            white.iter().map(|w| if *w > 0.0 { (noise / f64::from(*w)) as f32 } else { f32::INFINITY }).collect();
-        let judged = |((over, white), deviation): ((&f32, &f32), &f32)| {
-            if f64::from(*deviation) < JUDGED { over / white } else { f32::NAN }
+        let noise = terms * position.noise * 3f64.sqrt();
+        let mut map = Self {
+            width,
+            side: scheme.side,
+            influence: scheme.influence,
+            excess: vec![f32::NAN; white.len()],
+            deviation: vec![f32::INFINITY; white.len()],
         };
-        let excess = over.iter().zip(&white).zip(&deviation).map(judged).collect();
-        Self { width, side: scheme.side, influence: scheme.influence, excess, deviation }
+        for around in AROUND {
+            let (over, white) = (window(&over, (width, height), around), window(&white, (width, height), around));
+            let noise = noise / (2 * around + 1) as f64;
+            let pixels = map.excess.iter_mut().zip(&mut map.deviation).zip(over.iter().zip(&white));
+            for ((excess, deviation), (over, white)) in pixels {
+                let own = noise / f64::from(*white);
+                if *white > 0.0 && own < JUDGED && f64::from(*deviation) > SMALL && own < f64::from(*deviation) {
+                    (*excess, *deviation) = (over / white, own as f32);
+                }
+            }
+        }
+        map
     }
 
     /// Excess of a pixel: 0.5 is half too much light under all squares. `None` where nothing is seen but noise.
@@ -151,10 +163,10 @@ fn summed(position: &Position) -> Vec<f32> {
     out
 }
 
-/// Means over the window about each pixel; beyond the picture there is nothing.
-fn window(values: &[f32], width: usize, height: usize) -> Vec<f32> {
-    let around = |at: usize, of: usize| at.saturating_sub(AROUND)..(at + AROUND + 1).min(of);
-    let area = ((2 * AROUND + 1) * (2 * AROUND + 1)) as f32;
+/// Means over the window of so many pixels to either side of each; beyond the picture there is nothing.
+fn window(values: &[f32], (width, height): (usize, usize), reach: usize) -> Vec<f32> {
+    let around = |at: usize, of: usize| at.saturating_sub(reach)..(at + reach + 1).min(of);
+    let area = ((2 * reach + 1) * (2 * reach + 1)) as f32;
     let mut lines = vec![0.0f32; values.len()];
     lines.par_chunks_mut(width.max(1)).zip(values.par_chunks(width.max(1))).for_each(|(out, line)| {
         out.iter_mut().enumerate().for_each(|(x, out)| *out = line[around(x, width)].iter().sum());

@@ -108,7 +108,8 @@ fn noise_is_measured_and_darkens_nothing() {
     };
     let (good, bad) = (mean(22..34), mean(2..14));
     assert!(good.abs() < 0.02 && (bad - 1.125).abs() < 0.05, "{good}, {bad}");
-    assert!((reliability.affected(0.1) - 0.5).abs() < 0.1);
+    // A window reaches over the border by up to four of the 36 pixels.
+    assert!((reliability.affected(0.1) - 0.5).abs() < 0.15);
     // The plain minimum: 0.56 deviations in each of the dark squares.
     let plain = noisy.plain().reliability();
     let lost = (22..34).map(|x| plain.excess(x, 15).unwrap()).sum::<f64>() / 12.0;
