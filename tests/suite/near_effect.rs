@@ -114,7 +114,8 @@ impl Props {
 fn core(relighter: &Relighter, light: Light<'_>, look: &Look) -> TestImage {
     let weights = relighter.weights(light, look).unwrap();
     let element = relighter.render(&weights, look, Window::full(WIDTH, HEIGHT)).unwrap();
-    assert!(element.data().iter().any(|v| *v > 1e-3 && *v < 0.9), "it lights");
+    let brightest = element.data().chunks_exact(4).flat_map(|p| &p[..3]).fold(0.0f32, |most, v| most.max(*v));
+    assert!(brightest > 1e-2 && brightest.is_finite(), "it lights: {brightest}");
     TestImage::from_rgba(WIDTH, HEIGHT, element.data().to_vec())
 }
 
@@ -125,10 +126,11 @@ fn with_instance(work: impl FnOnce(&Instance)) {
 }
 
 fn check(instance: &Instance, expected: &TestImage, status: &str) {
+    let tolerance = 1e-5 * expected.largest_difference(&TestImage::new(WIDTH, HEIGHT));
     let off = instance.render(&RenderArgs::default()).unwrap().largest_difference(expected);
-    assert!(off < 1e-5, "{status}: off by {off}");
+    assert!(off <= tolerance, "{status}: off by {off}");
     let tiled = instance.render_tiles(&RenderArgs::default(), 8).largest_difference(expected);
-    assert!(tiled < 1e-5, "{status}, in tiles: off by {tiled}");
+    assert!(tiled <= tolerance, "{status}, in tiles: off by {tiled}");
     assert!(instance.string("status").contains(status), "{}", instance.string("status"));
 }
 

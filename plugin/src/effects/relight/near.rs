@@ -51,18 +51,25 @@ pub struct Lights {
 pub enum Origin {
     /// A file, or a light field that ships.
     Whole(Weak<LightField>),
-    /// Parameters, and the slide's picture.
-    Parameters([Option<Thrown>; 4], Option<(Thrown, Weak<Picture>)>),
+    /// Beams, and the slide with its picture.
+    Parameters(Box<Parameters>),
 }
+
+/// Beams, and the slide with its picture.
+type Parameters = ([Option<Thrown>; 4], Option<(Thrown, Weak<Picture>)>);
 
 impl Origin {
     /// Is it the same light?
     pub fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Whole(a), Self::Whole(b)) => Weak::ptr_eq(a, b),
-            (Self::Parameters(a, None), Self::Parameters(b, None)) => a == b,
-            (Self::Parameters(a, Some((s, p))), Self::Parameters(b, Some((t, q)))) => {
-                a == b && s == t && Weak::ptr_eq(p, q)
+            (Self::Parameters(a), Self::Parameters(b)) => {
+                let slides = match (&a.1, &b.1) {
+                    (Some((s, p)), Some((t, q))) => s == t && Weak::ptr_eq(p, q),
+                    (None, None) => true,
+                    _ => false,
+                };
+                a.0 == b.0 && slides
             }
             _ => false,
         }
@@ -119,7 +126,7 @@ impl Library {
             sources.push(near.thrown.slide("the slide", Arc::clone(&picture))?);
             slide = Some((near.thrown, Arc::downgrade(&picture)));
         }
-        let origin = Origin::Parameters(near.beams, slide);
+        let origin = Origin::Parameters(Box::new((near.beams, slide)));
         Ok(Lights { field: Arc::new(LightField::new(sources)), origin, flat: near.flat })
     }
 }
@@ -137,11 +144,12 @@ pub fn forget(library: &Library, instance: &Instance, near: &Near) {
     files::forget(&library.slides, &instance.slide, &near.slide);
 }
 
-/// The light in words.
-pub fn said(near: &Near, lights: &Lights) -> String {
+/// The light in words; `lights` where it has been read.
+pub fn said(near: &Near, lights: Option<&Lights>) -> String {
     let count = |n: usize, what: &str| if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") };
     if let Some(typed) = near.file() {
-        return format!("{}, {}", file_name(typed), count(lights.field.sources.len(), "light"));
+        let lights = lights.map(|lights| format!(", {}", count(lights.field.sources.len(), "light")));
+        return format!("{}{}", file_name(typed), lights.unwrap_or_default());
     }
     if let Some(preset) = near.preset {
         return preset.label.to_owned();

@@ -45,7 +45,7 @@ fn line(
     let asset = field.asset();
     let lamps = asset.domain().len();
     let lights = match asset.domain().gantry() {
-        Some(gantry) => format!("{} positions of {} x {} squares", gantry.len(), gantry.side(), gantry.side()),
+        Some(gantry) => format!("{} positions of {} x {} squares", gantry.poses().len(), gantry.side(), gantry.side()),
         None => format!("{lamps} lamps"),
     };
     let form = match field.choose(controls.look.representation, controls.lamp.is_some())? {
@@ -61,10 +61,13 @@ fn line(
         if asset.domain().gantry().is_none() && !controls.near.flat {
             return Ok(format!("{about} {LAMPS_ARE_FAR}"));
         }
-        // The files of the light tell what is wrong with them here too.
-        let lights = library.near(instance, &controls.near)?;
+        // The files of the light tell what is wrong with them here too, once there is time to read them.
+        let lights = match depth {
+            Depth::Asset => None,
+            Depth::AssetAndMap => Some(library.near(instance, &controls.near)?),
+        };
         let flat = if controls.near.flat { ", flat" } else { "" };
-        return Ok(format!("{about} Light: {}{flat}.", near::said(&controls.near, &lights)));
+        return Ok(format!("{about} Light: {}{flat}.", near::said(&controls.near, lights.as_ref())));
     }
     if let (None, Some(file)) = (controls.lamp, controls.lighting_file()) {
         let beams = library.lighting(instance, file)?.len();
