@@ -156,7 +156,7 @@ fn a_screen_gets_the_light_that_arrives_at_its_texels() {
         }
     };
     let expected = sums(&asset, &Image::from_fn(40, 30, |_, _| [1.0; 3]));
-    assert!(difference(&found, &Image::from_fn(8, 8, |x, y| expected[y * 8 + x])) < 1e-5);
+    assert!(difference(&found, &Image::from_fn(4, 4, |x, y| expected[y * 4 + x])) < 1e-5);
     refuse(&mut dual(&asset, &out, &["--lit", "white", "--dark-room", "--radiance"]), &["no point to look from"]);
     refuse(&mut dual(&asset, &out, &["--lit", "white", "--dark-room", "--position", "2"]), &["no position 2"]);
 }
