@@ -85,6 +85,27 @@ fn a_gantry_is_seen_from_its_projector() {
     assert!(gain(1, 2) == 1.0 && gain(1, 3) > 1.03 && gain(1, 3) < 1.1, "{} {}", gain(1, 2), gain(1, 3));
     let said = succeed(&mut dual(&asset, &out.join("look.png"), &["--lit", "white", "--position", "1"]));
     assert!(said.contains("--exposure"), "{said}");
+    // What else is done to assets works, or says why it does not.
+    let sheet = out.join("sheet.png");
+    let said = succeed(tool("inspect").arg(&asset).args(["--pixel", "20,15", "--pixel", "3,4", "-o"]).arg(&sheet));
+    assert!(said.contains("2 pixels") && said.contains("squares"), "{said}");
+    assert!(read(&sheet, Encoding::Auto).unwrap().width() > 2 * 128);
+    for (command, options) in [
+        ("inspect", &["--pixel", "1,1", "--reconstruct", "linear", "-o", "x.png"][..]),
+        ("compress", &["--wavelet", "9/7", "-o", "x.rfield"]),
+        ("compress", &["--harmonic", "25", "-o", "x.rfield"]),
+    ] {
+        refuse(tool(command).arg(&asset).args(options).current_dir(&out), &[]);
+    }
+    for (group, command, options) in [
+        ("export", "exr", &["-o", "x.exr"][..]),
+        ("export", "lp", &["-o", "x"]),
+        ("evaluate", "reconstruction", &["-o", "x"]),
+        ("evaluate", "compression", &["-o", "x"]),
+    ] {
+        refuse(tool(group).arg(command).arg(&asset).args(options).current_dir(&out), &["projector", "relume dual"]);
+    }
+    refuse(tool("merge").arg(&asset).args(["-o", "x.rfield"]).current_dir(&out), &["whole"]);
     let tiles = set.path("tiles.rfield");
     succeed(tool("compress").arg(&asset).arg("-o").arg(&tiles).args(["--factored", "--error", "0.01"]));
     let of_tiles =

@@ -36,7 +36,7 @@ A script holds lights, and values that stay or have keys:
   gain = [[20, 1], [30, 0]]                 # light adds: this and the next cross-fade exactly
 
   [[light]]
-  lighting = \"three-point\"                  # a name of `relume lightings`, or a lighting file
+  lighting = \"three-point\"                  # a name of `relume lightings`, or a lighting file; light4d = for light fields
   gain = [[20, 0], [30, 1]]
   rotation = 0                              # a light's own takes the place of the one above
 
@@ -263,6 +263,7 @@ impl<'a> Lights<'a> {
                         Light::Map(map)
                     }
                     Source::Lighting(_) => Light::Beams(&self.beams[n]),
+                    Source::Field(field) => Light::Field(field),
                     Source::Lamp(_) => Light::Lamp(number),
                 };
                 (look, number, self.relighter.weights(source, &still)?)

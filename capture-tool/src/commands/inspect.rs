@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use relume_core::domain::{Axis, Directions};
+use relume_core::domain::{Axis, Directions, Plane};
 use relume_core::field::{Access, Asset};
 use relume_core::image::{self, EncodeOptions, Image, Window};
 use relume_core::math::{Vec3, angle_between};
@@ -24,7 +24,8 @@ Examples:
 
 A row a pixel: what was sampled, a dot a lamp, then each reconstruction. A row is exposed so that its 98th percentile is white.
 The disc (nusselt) shows the hemisphere about the lamps' axis, seen from outside: +x right, and +y up for lamps before the
-object, +z (the camera's side) down for lamps above it. The map (latlong) is what an observer at the object sees: +x left.";
+object, +z (the camera's side) down for lamps above it. The map (latlong) is what an observer at the object sees: +x left.
+Of a screen a row is its texels; of a projector a picture a position, as the projector sees the scene: what the pixel answers to.";
 
 /// Room around things, in pixels.
 const MARGIN: usize = 14;
@@ -32,6 +33,9 @@ const MARGIN: usize = 14;
 const THUMBNAIL: (usize, usize) = (320, 240);
 /// Reconstructions side by side before the row wraps.
 const ACROSS: usize = 4;
+/// Pictures of a screen or projector are enlarged to about this many pixels, and stand so many side by side.
+const PICTURE: usize = 128;
+const PICTURES_ACROSS: usize = 8;
 /// Dots are this share of the spacing of the lamps wide, to each side.
 const DOT: f64 = 0.4;
 /// Linear greys of the sheet, and of what is not covered.
@@ -76,6 +80,13 @@ impl Arguments {
         image::check_output(&self.output)?;
         let asset = Asset::open(&self.asset, Access::Mapped)?;
         let rows = self.pixels.iter().map(|pixel| Row::read(&asset, *pixel)).collect::<anyhow::Result<Vec<_>>>()?;
+        if let Some(picture) = asset.domain().picture() {
+            if !self.methods.is_empty() {
+                anyhow::bail!("--reconstruct: texels and squares are seen as they are; nothing lies between them");
+            }
+            let sheet = pictures(&asset, picture, &rows)?;
+            return self.written(&sheet, rows.len(), &format!("each with {}", asset.domain().elements()));
+        }
         let chosen = |method: &Method| self.methods.iter().any(|id| id == method.id());
         let chosen: Vec<Method> = match self.methods.is_empty() {
             true => vec![Method::Linear],
@@ -86,20 +97,52 @@ impl Arguments {
             .map(|method| Reconstruction::new(asset.directions()?.clone(), method))
             .collect::<relume_core::Result<_>>()?;
         let sheet = Sheet { projection: self.on, rebuilt: &rebuilt, rows: &rows }.draw(&asset)?;
-        image::write(&self.output, &sheet, EncodeOptions { png8: true, ..EncodeOptions::default() })?;
-        let pixels = if rows.len() == 1 { "pixel" } else { "pixels" };
-        Ok(format!(
-            "{}: {} {pixels}; {}\n",
-            self.output.display(),
-            rows.len(),
-            self.on.words(asset.directions()?.axis())
-        ))
+        self.written(&sheet, rows.len(), self.on.words(asset.directions()?.axis()))
     }
+
+    fn written(&self, sheet: &Image, rows: usize, words: &str) -> anyhow::Result<String> {
+        image::write(&self.output, sheet, EncodeOptions { png8: true, ..EncodeOptions::default() })?;
+        let pixels = if rows == 1 { "pixel" } else { "pixels" };
+        Ok(format!("{}: {rows} {pixels}; {words}\n", self.output.display()))
+    }
+}
+
+/// For each pixel its answers to the texels of a screen, or to the squares of each position of a projector.
+fn pictures(asset: &Asset, picture: Plane, rows: &[Row]) -> anyhow::Result<Image> {
+    let ((columns, down), count) = (picture.size(), asset.domain().len() / picture.len());
+    let enlarged = (PICTURE / columns.max(down)).max(1);
+    let (w, h) = (columns * enlarged, down * enlarged);
+    let across = count.min(PICTURES_ACROSS);
+    let row_height = LINE + count.div_ceil(across) * (h + LINE) + MARGIN;
+    let words = rows.iter().zip(1..).map(|(row, n)| row.words(n)).collect::<Vec<_>>();
+    let beside = words.iter().map(|line| Canvas::width_of(line)).max().unwrap_or(0);
+    let mut canvas =
+        Canvas::new((across * (w + MARGIN)).max(beside + MARGIN) + MARGIN, MARGIN + rows.len() * row_height, PAPER);
+    let mut progress = Progress::new("drawing", Unit::Steps);
+    for (n, (row, words)) in rows.iter().zip(&words).enumerate() {
+        let top = MARGIN + n * row_height;
+        canvas.text((MARGIN, top), words);
+        for (position, answers) in row.samples.chunks_exact(picture.len()).enumerate() {
+            let at = (MARGIN + position % across * (w + MARGIN), top + LINE + position / across * (h + LINE));
+            canvas.fill(at, (w, h), |x, y| {
+                Some(answers[picture.element(x / enlarged, y / enlarged)].map(|v| v * row.exposure))
+            });
+            if count > 1 {
+                canvas.text((at.0, at.1 + h + 1), &format!("position {}", position + 1));
+            }
+        }
+        progress.step(n as u64 + 1, rows.len() as u64)?;
+    }
+    Ok(canvas.into_picture())
 }
 
 impl Row {
     fn read(asset: &Asset, pixel: [usize; 2]) -> anyhow::Result<Self> {
-        let samples = asset.samples()?.reflectance(pixel[0], pixel[1])?;
+        let terms = asset.sparse().filter(|_| asset.domain().picture().is_some() && asset.samples().is_err());
+        let samples = match terms {
+            Some(terms) => terms.reflectance(pixel[0], pixel[1])?,
+            None => asset.samples()?.reflectance(pixel[0], pixel[1])?,
+        };
         let picture = Image::from_data(samples.len(), 1, 3, samples.as_flattened().to_vec())?;
         Ok(Self { pixel, samples, exposure: sheet::exposure(&picture) })
     }

@@ -81,10 +81,11 @@ pub struct Packed {
 
 /// Photographs of one position.
 struct AtPosition<'a> {
-    /// That of the session; or each square by itself, where a position was photographed so as well (`--brute-force`).
-    scheme: Scheme,
     black: &'a Photograph,
+    /// Of each pattern.
     patterns: Vec<&'a Photograph>,
+    /// What the patterns are: a position of a session of sets may have its squares one by one as well, and then they count.
+    scheme: Scheme,
 }
 
 /// The picture of reliability has this excess as white.
@@ -104,7 +105,7 @@ impl GantryPack<'_> {
         self.rig.filter
     }
 
-    /// Photographs a position, without the black one, and the set of their patterns.
+    /// Photographs a position, without the black one, and the set they are of.
     fn patterns(&self, scheme: Scheme) -> (usize, &'static str) {
         match scheme {
             Scheme::Each => (self.rig.squares * self.rig.squares, Samples::Squares.set()),
@@ -141,10 +142,9 @@ impl GantryPack<'_> {
                 found.insert((set, *stop, *number), photograph);
             }
         }
-        let (each, squares) = self.patterns(Scheme::Each);
-        let scheme = |stop: usize| {
-            let one_by_one = (0..each).all(|n| found.contains_key(&(squares, stop, n)));
-            if one_by_one { Scheme::Each } else { self.scheme }
+        let under = |scheme: Scheme, stop: usize| -> Vec<Option<&Photograph>> {
+            let (count, set) = self.patterns(scheme);
+            (0..count).map(|number| found.get(&(set, stop, number)).copied()).collect()
         };
         let at = |stop: usize| -> Result<AtPosition<'_>> {
             let place = format!("position {}", stop + 1);
@@ -155,15 +155,18 @@ impl GantryPack<'_> {
                 );
                 return Err(Error::invalid(place, "no black photograph", expected));
             };
-            let scheme = scheme(stop);
-            let (count, set) = self.patterns(scheme);
-            let patterns: Vec<Option<&Photograph>> = (0..count).map(|n| found.get(&(set, stop, n)).copied()).collect();
+            let each: Option<Vec<&Photograph>> = under(Scheme::Each, stop).into_iter().collect();
+            if let Some(patterns) = each {
+                return Ok(AtPosition { black, patterns, scheme: Scheme::Each });
+            }
+            let patterns = under(self.scheme, stop);
             if let Some(missing) = patterns.iter().position(Option::is_none) {
                 let lost = patterns.iter().filter(|p| p.is_none()).count();
+                let (count, set) = self.patterns(self.scheme);
                 let found = format!("{lost} of {count} patterns without a photograph, {set} {} first", missing + 1);
                 return Err(Error::invalid(place, found, format!("all of them; {again}")));
             }
-            Ok(AtPosition { scheme, black, patterns: patterns.into_iter().flatten().collect() })
+            Ok(AtPosition { black, patterns: patterns.into_iter().flatten().collect(), scheme: self.scheme })
         };
         (0..self.rig.positions.count()).map(at).collect()
     }
@@ -181,6 +184,8 @@ impl GantryPack<'_> {
         let positions = self.by_position()?;
         let (gantry, size) = (self.domain()?, self.size()?);
         let domain = field_domain(gantry)?;
+        // And a step a position.
+        let photographs: usize = positions.iter().map(|position| position.patterns.len() + 1).sum();
         let mut job = Job {
             pack: self,
             size,
@@ -189,8 +194,7 @@ impl GantryPack<'_> {
             sums: [vec![0.0; size.0 * size.1], vec![0.0; size.0 * size.1]],
             unit: self.unit(&positions)?,
             done: 0,
-            total: (positions.iter().map(|position| position.patterns.len() + 1).sum::<usize>()
-                + size.1.div_ceil(BLOCK_HEIGHT)) as u64,
+            total: (photographs + size.1.div_ceil(BLOCK_HEIGHT)) as u64,
         };
         let squares = self.rig.squares * self.rig.squares;
         let mut samples = Photographs::new(size.0, size.1, folder_of(output));
@@ -235,9 +239,9 @@ impl GantryPack<'_> {
             }
             (None, Store::Samples(precision)) => {
                 contents.precision = precision;
-                // Counted from the photographs of T on.
-                let before = done - (squares * positions.len()).min(done as usize) as u64;
-                let step = &mut |at: u64, _: u64| progress(before + at, total);
+                // It counts pictures of T and rows; pictures are done.
+                let pictures = (squares * positions.len()) as u64;
+                let step = &mut |at: u64, _: u64| progress(done + at.saturating_sub(pictures), total);
                 field::write(output, &contents, &mut Reporting { photographs: &mut samples, progress: step, total })?;
             }
             (None, Store::Terms(_)) => {}
@@ -343,12 +347,9 @@ impl Job<'_> {
                 match &mut gathering {
                     Some(gathering) => gathering.photograph(*number, picture)?,
                     None => {
-                        // Nothing to tell apart: what was recovered is what was photographed.
-                        let grey =
-                            picture.data().as_chunks::<3>().0.iter().map(|rgb| f64::from(rgb.iter().sum::<f32>()));
-                        let [recovered, white] = &mut self.sums;
-                        let sums = recovered.iter_mut().zip(white).zip(grey);
-                        sums.for_each(|((recovered, white), v)| (*recovered, *white) = (*recovered + v, *white + v));
+                        // What was photographed apart is told apart.
+                        self.add(0, &picture);
+                        self.add(1, &picture);
                         into.push(picture)?;
                     }
                 }
@@ -360,7 +361,7 @@ impl Job<'_> {
             self.told_apart(stop, gathering, into)?;
         }
         self.done += 1;
-        progress(self.done, self.total)
+        Ok(progress(self.done, self.total)?)
     }
 
     /// Squares from sets of them, and what is to be said of that.
@@ -369,19 +370,24 @@ impl Job<'_> {
         let position = gathering.complete()?;
         for (row, column) in (0..side).flat_map(|row| (0..side).map(move |column| (row, column))) {
             let square = position.square(column, row);
-            let grey = square.data().as_chunks::<3>().0.iter().map(|rgb| f64::from(rgb.iter().sum::<f32>()));
-            self.sums[0].iter_mut().zip(grey).for_each(|(sum, v)| *sum += v);
+            self.add(0, &square);
             into.push(square)?;
         }
-        let white = position.white();
-        let grey = white.data().as_chunks::<3>().0.iter().map(|rgb| f64::from(rgb.iter().sum::<f32>()));
-        self.sums[1].iter_mut().zip(grey).for_each(|(sum, v)| *sum += v);
+        self.add(1, &position.white());
         let remarks = position.remarks(Reliability::THRESHOLD);
         if !remarks.is_empty() {
             self.packed.unreliable.push((stop, position.reliability().picture(FULL)));
         }
         self.packed.remarks.extend(remarks);
         Ok(())
+    }
+
+    /// Adds a picture to what was recovered (0), or photographed together (1).
+    fn add(&mut self, which: usize, picture: &Image) {
+        if self.pack.scheme != Scheme::Each {
+            let grey = picture.data().as_chunks::<3>().0.iter().map(|rgb| f64::from(rgb.iter().sum::<f32>()));
+            self.sums[which].iter_mut().zip(grey).for_each(|(sum, v)| *sum += v);
+        }
     }
 
     /// S: a projector's black is light too, so the least of all positions is nearest to no light.

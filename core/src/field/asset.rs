@@ -162,13 +162,21 @@ impl Asset {
     /// The lamps.
     ///
     /// # Errors
-    /// A field of a screen, which has none.
+    /// A field of a screen or of a projector, which have none.
     pub fn directions(&self) -> Result<&Arc<Directions>> {
-        self.domain.directions().ok_or_else(|| Error::Unsupported {
-            place: self.path().display().to_string(),
-            what: "light from all round on a field of a screen".to_owned(),
-            advice: "light it with a picture: `relume matte`, `relume relight --plane`, or Relume Environment Matte"
-                .to_owned(),
+        self.domain.directions().ok_or_else(|| {
+            let (what, advice) = match &self.domain {
+                Domain::Gantry(_) => (
+                    "what needs lamps at infinity, on a field of a projector near the object,",
+                    "light it with `relume relight`, or look from the projector's side with `relume dual`",
+                ),
+                _ => (
+                    "light from all round on a field of a screen",
+                    "light it with a picture: `relume matte`, `relume relight --plane`, or Relume Environment Matte",
+                ),
+            };
+            let place = self.path().display().to_string();
+            Error::Unsupported { place, what: what.to_owned(), advice: advice.to_owned() }
         })
     }
 

@@ -8,7 +8,9 @@ use super::*;
 use crate::domain::{Domain, Gantry};
 use crate::error::Result;
 use crate::field::{Access, Asset, BLOCK_PIXELS, Bands, Contents, Layout, Precision, write};
-use crate::illumination::{Beam, EnvMap, Incident};
+use crate::illumination::light_field::{Blinds, Emitter, Far, Frame, Lookup, Point, Slats, Slide, Source, Spot};
+use crate::illumination::lighting::Aim;
+use crate::illumination::{Beam, EnvMap, Incident, LightField};
 use crate::image::{ColourSpace, Image, Window};
 use crate::math::Vec3;
 use crate::reconstruct::{Method, Outside, Squares};
@@ -77,11 +79,16 @@ fn rows() -> &'static Rows {
 
 fn relighter() -> &'static Relighter {
     static RELIGHTER: OnceLock<Relighter> = OnceLock::new();
-    RELIGHTER.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("gantry.rfield");
-        let gantry = virtual_gantry().domain().unwrap();
-        let columns: Vec<Image> = (0..gantry.len()).map(|n| rows().element(n).unwrap()).collect();
+    RELIGHTER.get_or_init(|| written(&virtual_gantry(), rows()))
+}
+
+/// Every column of `T`, packed.
+fn written(gantry: &simulate::Gantry, rows: &Rows) -> Relighter {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("gantry.rfield");
+    let gantry = gantry.domain().unwrap();
+    {
+        let columns: Vec<Image> = (0..gantry.len()).map(|n| rows.element(n).unwrap()).collect();
         let largest = columns.iter().flat_map(|image| image.data()).fold(0.0f32, |most, v| most.max(v.abs()));
         let contents = Contents {
             irradiance: vec![2.0; gantry.poses().len()],
@@ -99,21 +106,30 @@ fn relighter() -> &'static Relighter {
         write(&path, &contents, &mut Columns(columns)).unwrap();
         // Mapped: the folder may go.
         Relighter::new(Asset::open(&path, Access::Mapped).unwrap()).unwrap()
-    })
+    }
 }
 
 fn lit(light: Light<'_>, look: &Look) -> Image {
-    let relighter = relighter();
+    relit(relighter(), light, look)
+}
+
+fn relit(relighter: &Relighter, light: Light<'_>, look: &Look) -> Image {
     let weights = relighter.weights(light, look).unwrap();
     relighter.render(&weights, look, WHOLE).unwrap().into_rgb()
 }
 
 /// Relative L2 of the red channel.
 fn off(found: &Image, truth: &Image) -> f64 {
+    let all: Vec<usize> = (0..SIZE.0 * SIZE.1).collect();
+    off_at(found, truth, &all)
+}
+
+/// The same over some pixels.
+fn off_at(found: &Image, truth: &Image, pixels: &[usize]) -> f64 {
     let (mut difference, mut all) = (0.0, 0.0);
-    for (a, b) in found.data().iter().zip(truth.data()).step_by(3) {
+    for (a, b) in pixels.iter().map(|pixel| (found.data()[3 * pixel], truth.data()[3 * pixel])) {
         difference += f64::from(a - b).powi(2);
-        all += f64::from(*b).powi(2);
+        all += f64::from(b).powi(2);
     }
     (difference / all).sqrt()
 }
@@ -216,4 +232,159 @@ fn turning_the_light_turns_it() {
     let neutral = Look { outside: Outside::Nearest, ..Look::default() };
     let [a, b] = [(&thrown, &look), (&turned, &neutral)].map(|(light, look)| lit(Light::Field(light), look));
     assert!(off(&a, &b) < 1e-5);
+}
+
+/// A denser gantry for comparisons with the scene lit directly, and the pixels of surfaces that no ray is mirrored by.
+struct Dense {
+    gantry: simulate::Gantry,
+    relighter: Relighter,
+    rough: Vec<usize>,
+}
+
+fn dense() -> &'static Dense {
+    static DENSE: OnceLock<Dense> = OnceLock::new();
+    DENSE.get_or_init(|| {
+        let mut gantry = simulate::Gantry::demo(Camera::gantry(SIZE.0, SIZE.1), (8, 3), 12);
+        // What a mirror ball throws on the table is right in the mean, but noise at so few rays.
+        gantry.scene.objects[1].material = simulate::Material::Diffuse { albedo: [0.5; 3] };
+        let quality = Quality { samples: 64, bounces: 4, stride: 2, cone_density: 300.0, depth: 4, seed: 1 };
+        let rows = gantry.trace(&quality, &mut |_, _| Ok(())).unwrap();
+        let rough = simulate::classes(&gantry.scene, &gantry.camera);
+        let rough = rough.pixels(&[simulate::Class::Diffuse, simulate::Class::Glossy, simulate::Class::Mixed]);
+        Dense { relighter: written(&gantry, &rows), gantry, rough }
+    })
+}
+
+impl Dense {
+    fn domain(&self) -> &Gantry {
+        self.relighter.gantry().unwrap()
+    }
+
+    /// The scene lit directly.
+    fn truth(&self, light: &dyn Incident) -> Image {
+        let quality = Quality { samples: 64, bounces: 4, stride: 1, cone_density: 300.0, depth: 4, seed: 9 };
+        simulate::lit(&self.gantry.scene, &self.gantry.camera, light, &quality, &mut |_, _| Ok(())).unwrap()
+    }
+
+    /// The light that the squares throw under these weights: a slide of even squares a position.
+    fn thrown(&self, weights: &Weights) -> LightField {
+        let side = self.domain().side();
+        let slide = |position: usize| {
+            let of_position = &weights.rgb[position * side * side..][..side * side];
+            let pose = self.domain().poses()[position];
+            // Slides count from a white diffuser at their aim.
+            let white = (PI * pose.place.norm_squared()) as f32;
+            let picture = Image::from_fn(side, side, |x, y| of_position[y * side + x].map(|w| w / white));
+            let frame = Frame::new(pose.place, Vec3::zeros(), Vec3::y()).unwrap();
+            let slide = Slide::new(frame, self.domain().view_rad(), picture, Lookup::Squares).unwrap();
+            Source::new("position", Emitter::Slide(slide))
+        };
+        let lit =
+            |position: &usize| weights.rgb[position * side * side..][..side * side].iter().any(|w| *w != [0.0; 3]);
+        LightField::new((0..self.domain().poses().len()).filter(lit).map(slide).collect())
+    }
+
+    /// The relit picture against the same squares thrown directly, and against the light itself.
+    fn errors(&self, light: &LightField) -> [f64; 2] {
+        let look = Look::default();
+        let weights = self.relighter.weights(Light::Field(light), &look).unwrap();
+        let found = self.relighter.render(&weights, &look, WHOLE).unwrap().into_rgb();
+        [&self.thrown(&weights), light].map(|truth| off_at(&found, &self.truth(truth), &self.rough))
+    }
+}
+
+fn at(place: Vec3, aim: Vec3) -> Frame {
+    Frame::new(place, aim, Vec3::y()).unwrap()
+}
+
+/// Figures 7.1 and 7.8: what the squares can show is shown; how far that is from the light itself is the rig's resolution.
+#[test]
+fn spots_slides_and_blinds_are_what_the_same_squares_throw() {
+    let dense = dense();
+    let place = dense.domain().poses()[7].place;
+    let spot = Spot::new(at(place, Vec3::new(0.1, -0.2, 0.1)), 8f64.to_radians(), 2f64.to_radians());
+    let check = |x: usize, y: usize| if (x / 4 + y / 4) % 2 == 0 { [1.0, 0.6, 0.2] } else { [0.2, 0.3, 0.9] };
+    let slide = Slide::new(at(place, Vec3::zeros()), 0.4, Image::from_fn(16, 16, check), Lookup::Smooth).unwrap();
+    let aim = Aim { azimuth_rad: 0.7, elevation_rad: 0.8 };
+    let window = Blinds::new(at(aim.direction() * 3.0, Vec3::zeros()), 4.0, 4.0, Some(Slats::strips(0.8, 0.5, 0.0)));
+    let sun = Emitter::Far(Far::sun(&aim, 0.53f64.to_radians(), true));
+    let lights = [
+        ("spot", Source::new("spot", Emitter::Spot(spot))),
+        ("slide", Source::new("slide", Emitter::Slide(slide))),
+        ("blinds", Source::new("sun", sun).behind(window)),
+    ];
+    for (name, source) in lights {
+        let [squares, light] = dense.errors(&LightField::new(vec![source]));
+        println!("{name}: {squares:.4} of the same squares, {light:.4} of the light itself");
+        assert!(squares < 0.05, "{name}: {squares}");
+        assert!(light < 0.6, "{name}: {light}");
+    }
+}
+
+/// Figure 7.7: lamps that come nearer, or that the object is moved towards.
+#[test]
+fn near_light_changes_the_picture_as_it_does_in_truth() {
+    let dense = dense();
+    let lamp = |place: Vec3| Source::new("lamp", Emitter::Point(Point::new(place, Vec3::zeros()).unwrap()));
+    let directions = dense.domain().directions().lamps();
+    let (left, right) = (directions[10], directions[4]);
+    let far = LightField::new(vec![lamp(left * 8.0), lamp(right * 8.0)]);
+    let near = LightField::new(vec![lamp(left * 2.2), lamp(right * 8.0)]);
+    let pictures = [&far, &near].map(|light| relit(&dense.relighter, Light::Field(light), &Look::default()));
+    let truths = [&far, &near].map(|light| dense.truth(light));
+    let off = |a: &Image, b: &Image| off_at(a, b, &dense.rough);
+    let moved = off(&truths[0], &truths[1]);
+    let own = [off(&pictures[0], &truths[0]), off(&pictures[1], &truths[1])];
+    println!("moving changes {moved:.3}; off by {own:.3?}, flat light by {:.3}", {
+        let flat = relit(&dense.relighter, Light::Flat(&near), &Look::default());
+        off(&flat, &truths[1])
+    });
+    assert!(moved > 0.15, "{moved}");
+    // The change itself: what is brighter in truth is brighter here.
+    let change = |pair: &[Image; 2]| -> Vec<f64> {
+        dense.rough.iter().map(|p| f64::from(pair[1].data()[3 * p] - pair[0].data()[3 * p])).collect()
+    };
+    let (found, truth) = (change(&pictures), change(&truths));
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let alike = dot(&found, &truth) / (dot(&found, &found) * dot(&truth, &truth)).sqrt();
+    assert!(alike > 0.95 && own.iter().all(|own| *own < 0.12), "{alike}, {own:?}");
+}
+
+/// A gantry's asset is no worse than a stage's with lamps in the same directions.
+#[test]
+fn far_light_agrees_with_a_stages_asset() {
+    let dense = dense();
+    let lamps = dense.domain().directions().lamps().to_vec();
+    let directions = std::sync::Arc::new(crate::domain::Directions::new(lamps).unwrap());
+    let quality = Quality { samples: 64, bounces: 4, stride: 2, cone_density: 300.0, depth: 4, seed: 3 };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stage.rfield");
+    let stage = simulate::Stage::new(&dense.gantry.scene, dense.gantry.camera, &directions, quality);
+    let contents = Contents {
+        domain: directions.clone().into(),
+        irradiance: vec![PI as f32; directions.len()],
+        width: SIZE.0,
+        height: SIZE.1,
+        colour_space: ColourSpace::default(),
+        precision: Precision::Float,
+        largest: 100.0,
+        ambient: None,
+        alpha: None,
+        reliability: None,
+        provenance: serde_json::Value::Null,
+    };
+    write(&path, &contents, &mut stage.bands(&mut |_, _| Ok(()))).unwrap();
+    let stage = Relighter::new(Asset::open(&path, Access::Mapped).unwrap()).unwrap();
+    let sky = simulate::lights::sky((128, 64));
+    let beam = Beam { direction: directions.lamps()[9], irradiance: [PI; 3] };
+    for (name, light) in [("sky", Light::Map(&sky)), ("lamp", Light::Beams(std::slice::from_ref(&beam)))] {
+        let pictures = [&dense.relighter, &stage].map(|relighter| relit(relighter, light, &Look::default()));
+        let truth = match light {
+            Light::Map(map) => dense.truth(map),
+            _ => dense.truth(&crate::illumination::Distant(vec![beam])),
+        };
+        let [gantry, stage] = [0, 1].map(|n| off_at(&pictures[n], &truth, &dense.rough));
+        let both = off_at(&pictures[0], &pictures[1], &dense.rough);
+        println!("{name}: gantry {gantry:.4}, stage {stage:.4}, of each other {both:.4}");
+    }
 }

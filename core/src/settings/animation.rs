@@ -17,7 +17,7 @@
 //!
 //! | key | where | meaning |
 //! |---|---|---|
-//! | `env`, `lighting`, `lamp` | light | one of them: a map, a lighting, a captured lamp (its keys hold) |
+//! | `env`, `lighting`, `light4d`, `lamp` | light | one of them: a map, a lighting, a light field (for a projector's field), a captured lamp (its keys hold) |
 //! | `gain` | light | linear factor, 1 if absent |
 //! | `rotation`, `pitch`, `roll` | above, or light | degrees; not for captured lamps |
 //! | `exposure`, `tint` | above, or light | stops; three factors |
@@ -33,9 +33,9 @@ use std::path::{Path, PathBuf};
 
 pub use super::curve::{Between, Curve, Key};
 use super::table::{Bounds, Place, Table, Value, read_text};
-use super::{Kind, Setting, lighting};
+use super::{Kind, Setting, light4d, lighting};
 use crate::error::{Error, Result};
-use crate::illumination::{Lighting, MapCentre};
+use crate::illumination::{LightField, Lighting, MapCentre};
 use crate::image::ColourSpace;
 use crate::relight::Look;
 
@@ -68,6 +68,8 @@ pub enum Source {
     Map(PathBuf),
     /// Lamps of a preset or a file.
     Lighting(Lighting),
+    /// Light that varies in space, of a preset or a file.
+    Field(LightField),
     /// A captured lamp, counted from 1, by frame.
     Lamp(Curve<1>),
 }
@@ -158,21 +160,25 @@ impl ScriptLight {
 
     fn read(table: &Table<'_>, above: &Turns, folder: &Path) -> Result<Self> {
         let table = table.called("a light");
-        let sources = ["env", "lighting", "lamp"];
+        let sources = ["env", "lighting", "light4d", "lamp"];
         table.only(&[&sources[..], &["gain", "map_centre", "map_space"], &TURNS[..]].concat())?;
         let mut given = sources.into_iter().filter_map(|key| table.get(key));
         let source = match (given.next(), given.next()) {
             (Some(only), None) => Source::read(&only, folder)?,
             (Some(_), Some(second)) => return Err(second.refuse("a second source", "one source a light")),
-            (None, _) => return Err(table.refuse("a light without a source", "`env`, `lighting` or `lamp`")),
+            (None, _) => return Err(table.refuse("a light without a source", "`env`, `lighting`, `light4d` or `lamp`")),
         };
         let meaningless: &[&'static str] = match source {
             Source::Map(_) => &[],
-            Source::Lighting(_) => &["blur", "clamp", "map_centre", "map_space"],
+            Source::Lighting(_) | Source::Field(_) => &["blur", "clamp", "map_centre", "map_space"],
             Source::Lamp(_) => &["rotation", "pitch", "roll", "blur", "clamp", "map_centre", "map_space"],
         };
         if let Some(value) = meaningless.iter().find_map(|key| table.get(key)) {
-            let what = if matches!(source, Source::Lamp(_)) { "a captured lamp" } else { "a lighting" };
+            let what = match source {
+                Source::Lamp(_) => "a captured lamp",
+                Source::Field(_) => "a light field",
+                _ => "a lighting",
+            };
             return Err(value.refuse(format!("a value for {what}"), "it only in lights that it can change"));
         }
         Ok(Self {
@@ -182,6 +188,15 @@ impl ScriptLight {
             centre: choice(&table, "map_centre", &super::MAP_CENTRE).map(super::map_centre)?,
             map_space: choice(&table, "map_space", &super::MAP_SPACE).map(super::colour_space)?,
         })
+    }
+}
+
+/// An error of a name, said at the script's line, where it can be mended; others as they are.
+fn said(error: Error, value: &Value<'_>, named: &str, expected: &str) -> Error {
+    match error {
+        Error::Io { path, source, .. } => value.refuse(format!("{} ({source})", path.display()), expected),
+        Error::Invalid { place, found, expected } if place == named => value.refuse(found, expected),
+        other => other,
     }
 }
 
@@ -198,14 +213,11 @@ impl Source {
             }
             "lighting" => match lighting::find(value.text()?, folder) {
                 Ok(file) => Ok(Self::Lighting(file.lighting)),
-                // Said at the script's line, where it can be mended.
-                Err(Error::Io { path, source, .. }) => {
-                    Err(value.refuse(format!("{} ({source})", path.display()), "a preset or a lighting file"))
-                }
-                Err(Error::Invalid { place, found, expected }) if place == "lighting" => {
-                    Err(value.refuse(found, expected))
-                }
-                Err(error) => Err(error),
+                Err(error) => Err(said(error, value, "lighting", "a preset or a lighting file")),
+            },
+            "light4d" => match light4d::find(value.text()?, folder) {
+                Ok(file) => Ok(Self::Field(file.light)),
+                Err(error) => Err(said(error, value, "light field", "a preset or a light file")),
             },
             _ => {
                 let numbers = Curve::read(value, LAMP, true)?;
@@ -347,6 +359,8 @@ mod tests {
             ("[[light]]\nenv = \"absent.hdr\"\n".to_owned(), &["line 2", "absent.hdr", "not there"]),
             ("[[light]]\nlighting = \"absent.toml\"\n".to_owned(), &["s.toml, line 2", "absent.toml"]),
             ("[[light]]\nlighting = \"thre-point\"\n".to_owned(), &["s.toml, line 2", "`three-point`"]),
+            ("[[light]]\nlight4d = \"tree-beams\"\n".to_owned(), &["s.toml, line 2", "`three-beams`"]),
+            ("[[light]]\nlight4d = \"desk-spot\"\nblur = 3\n".to_owned(), &["s.toml, line 3", "a light field"]),
             ("[[light]]\nlighting = \"bad.toml\"\n".to_owned(), &["bad.toml, line 3", "`azimut`", "`azimuth`"]),
             ("[[light]]\nlamp = 0\n".to_owned(), &["line 2", "lamp", "1 to"]),
             ("[[light]]\nlamp = 1.5\n".to_owned(), &["line 2", "whole"]),

@@ -73,10 +73,12 @@ pub struct Preset {
 
 macro_rules! presets {
     ($(($id:literal, $label:literal)),* $(,)?) => {
-        /// The light fields that ship, in permanent order.
+        /// The light fields that ship, in permanent order: compositing projects store places in this list.
         pub const PRESETS: &[Preset] = &[$(Preset {
             id: $id, label: $label, text: include_str!(concat!("../../../presets/light4d/", $id, ".toml")),
         }),*];
+        /// Choices of the plugin: none, then [`PRESETS`].
+        pub const OPTIONS: &[(&str, &str)] = &[("none", "None"), $(($id, $label)),*];
     };
 }
 

@@ -1,7 +1,7 @@
 //! The one table of user settings, shared by the command line and the plugin. Ids are permanent: compositing projects
 //! store them. A new setting gets a neutral default.
 //!
-//! The settings of an object before a plate are in [`matte`]. Beside them the files in which people write settings down:
+//! The settings of an object before a plate are in [`matte`], those of light near an object in [`near`]. Beside them the files in which people write settings down:
 //! [`lighting`] (lamps, and the presets that ship), [`light4d`] (light that varies in space) and [`animation`] (lights that change
 //! with the frame).
 
@@ -10,6 +10,7 @@ mod curve;
 pub mod light4d;
 pub mod lighting;
 pub mod matte;
+pub mod near;
 mod table;
 
 use crate::field::Kind as FieldKind;
@@ -237,7 +238,10 @@ pub const OUTPUT: Setting = Setting {
 };
 
 /// The settings of Relume Relight, in the order shown; those of Relume Environment Matte are [`matte::MATTE`].
-pub const RELIGHT: &[Setting] = &[
+pub const RELIGHT: &[Setting] = &joined();
+
+/// In front of the light near the object, and behind it.
+const BEFORE: [Setting; 14] = [
     ASSET,
     ENVIRONMENT,
     LIGHTING,
@@ -252,13 +256,28 @@ pub const RELIGHT: &[Setting] = &[
     CLAMP,
     EXPOSURE,
     TINT,
-    AMBIENT,
-    REPRESENTATION,
-    RECONSTRUCTION,
-    OUTSIDE,
-    OUTPUT,
-    OUTPUT_SPACE,
 ];
+const NEAR: [Setting; 3] = [near::LIGHT4D, near::LIGHT4D_FILE, near::SPACE];
+const AFTER: [Setting; 6] = [AMBIENT, REPRESENTATION, RECONSTRUCTION, OUTSIDE, OUTPUT, OUTPUT_SPACE];
+const RELIGHT_COUNT: usize = BEFORE.len() + NEAR.len() + 4 * near::BeamSettings::COUNT + 10 + AFTER.len();
+
+/// The tables one after another.
+const fn joined() -> [Setting; RELIGHT_COUNT] {
+    let [one, two, three, four] = &near::BEAM_TABLES;
+    let tables: [&[Setting]; 8] = [&BEFORE, &NEAR, one, two, three, four, &near::SLIDE_TABLE, &AFTER];
+    let mut all = [ASSET; RELIGHT_COUNT];
+    let (mut table, mut at) = (0, 0);
+    while table < tables.len() {
+        let mut n = 0;
+        while n < tables[table].len() {
+            all[at] = tables[table][n];
+            at += 1;
+            n += 1;
+        }
+        table += 1;
+    }
+    all
+}
 
 /// The kind of an option of [`REPRESENTATION`]; `None` is automatic.
 pub fn representation(option: usize) -> Option<FieldKind> {

@@ -3,14 +3,15 @@
 
 use std::ffi::CStr;
 
-use relume_core::settings::{self, Kind, Setting, matte};
+use relume_core::settings::{self, Kind, Setting, matte, near};
 
 use super::status;
 use crate::host::names::*;
 use crate::host::{Effect, Params, Properties};
 
 /// Numbers that are degrees of a turn.
-const ANGLES: [&Setting; 4] = [&settings::ROTATION, &settings::PITCH, &settings::ROLL, &matte::ROTATE];
+const ANGLES: [&Setting; 5] =
+    [&settings::ROTATION, &settings::PITCH, &settings::ROLL, &matte::ROTATE, &near::SLIDE_TURN];
 
 /// Numbers that are pixels.
 const POSITIONS: [&Setting; 2] = [&matte::POSITION_X, &matte::POSITION_Y];
@@ -24,6 +25,8 @@ pub struct Group {
     pub id: &'static str,
     /// What hosts show.
     pub label: &'static str,
+    /// Shown unfolded.
+    pub open: bool,
     /// What is in it; next to each other in the table.
     pub settings: &'static [Setting],
 }
@@ -81,7 +84,7 @@ pub fn parameters(params: &Params<'_>, table: &[Setting], groups: &[Group]) {
             && let Some(properties) = params.define(kOfxParamTypeGroup, group.id)
         {
             named(&properties, group.id, group.label, group.label);
-            properties.set_int(kOfxParamPropGroupOpen, 1);
+            properties.set_int(kOfxParamPropGroupOpen, i32::from(group.open));
         }
         open = id;
         define(params, setting, id);

@@ -36,14 +36,24 @@ impl Slide {
     /// `view_rad` is the angle across the picture's width; the height follows from its sides. Alpha is taken as over black.
     /// `None` for an empty picture, or a view that is not in (0, pi).
     pub fn new(frame: Frame, view_rad: f64, picture: Image, lookup: Lookup) -> Option<Self> {
-        let (w, h) = picture.size();
-        if w == 0 || h == 0 || !(view_rad > 0.0 && view_rad < PI) {
-            return None;
-        }
+        Self::with(frame, view_rad, Self::prepared(picture)?, lookup)
+    }
+
+    /// A picture ready to be thrown: three channels, nothing negative. `None` of an empty one.
+    pub fn prepared(picture: Image) -> Option<Arc<Image>> {
         let mut picture = picture.into_rgb();
         picture.data_mut().iter_mut().for_each(|v| *v = v.max(0.0));
+        (picture.width() > 0 && picture.height() > 0).then(|| Arc::new(picture))
+    }
+
+    /// As [`Slide::new`], of a [prepared](Slide::prepared) picture that others may share; `None` of any other.
+    pub fn with(frame: Frame, view_rad: f64, picture: Arc<Image>, lookup: Lookup) -> Option<Self> {
+        let (w, h) = picture.size();
+        if w == 0 || h == 0 || picture.channels() != 3 || !(view_rad > 0.0 && view_rad < PI) {
+            return None;
+        }
         let across = (view_rad / 2.0).tan();
-        Some(Self { frame, half: [across, across * h as f64 / w as f64], picture: Arc::new(picture), lookup })
+        Some(Self { frame, half: [across, across * h as f64 / w as f64], picture, lookup })
     }
 
     /// Where the projector sees a point: shares of its picture to the right and down, in [0, 1); `None` beyond.

@@ -12,11 +12,13 @@ const GROUPS: &[Group] = &[
     Group {
         id: "placeGroup",
         label: "Place",
+        open: true,
         settings: &[matte::POSITION_X, matte::POSITION_Y, matte::SCALE, matte::ROTATE],
     },
     Group {
         id: "lightGroup",
         label: "Light",
+        open: true,
         settings: &[
             settings::EXPOSURE,
             settings::TINT,
@@ -27,7 +29,7 @@ const GROUPS: &[Group] = &[
             matte::VIEW_ANGLE,
         ],
     },
-    Group { id: "responseGroup", label: "Response", settings: &[settings::AMBIENT, matte::REPRESENTATION] },
+    Group { id: "responseGroup", label: "Response", open: true, settings: &[settings::AMBIENT, matte::REPRESENTATION] },
 ];
 
 const DESCRIPTION: &str = "Puts an object that was captured in front of a screen (a .rfield asset made with Relume) before Source, \

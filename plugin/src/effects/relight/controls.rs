@@ -3,6 +3,8 @@
 use relume_core::relight::{Layer, Look};
 use relume_core::settings;
 use relume_core::settings::lighting::{PRESETS, Preset};
+use relume_core::settings::near::{self, Thrown};
+use relume_core::settings::{Setting, light4d};
 
 use crate::effects::values::Values;
 use crate::host::Effect;
@@ -18,6 +20,69 @@ pub enum Output {
     Layer(Layer),
 }
 
+/// Light near the object.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Near {
+    /// The light file's path as typed.
+    pub file: String,
+    /// A light field that ships, or `None`.
+    pub preset: Option<&'static light4d::Preset>,
+    /// Beams that are on, by number.
+    pub beams: [Option<Thrown>; 4],
+    /// The slide's path as typed; a slide without one is off.
+    pub slide: String,
+    /// How the slide is thrown.
+    pub thrown: Thrown,
+    /// As at the origin everywhere.
+    pub flat: bool,
+}
+
+impl Near {
+    fn read(values: &Values<'_>) -> Self {
+        let place = |settings: &[Setting; 3]| [0, 1, 2].map(|n| values.number(&settings[n]));
+        let beam = |settings: &near::BeamSettings| Thrown {
+            position: place(&settings.position),
+            aim: place(&settings.aim),
+            angle_deg: values.number(&settings.angle),
+            edge_deg: values.number(&settings.edge),
+            turn_deg: 0.0,
+            colour: values.colour(&settings.colour),
+            stops: values.number(&settings.stops),
+        };
+        Self {
+            file: values.text(&near::LIGHT4D_FILE),
+            preset: values.choice(&near::LIGHT4D).checked_sub(1).and_then(|n| light4d::PRESETS.get(n)),
+            beams: near::BEAMS.map(|settings| (values.choice(&settings.on) == 1).then(|| beam(&settings))),
+            slide: values.text(&near::SLIDE),
+            thrown: Thrown {
+                position: place(&near::SLIDE_POSITION),
+                aim: place(&near::SLIDE_AIM),
+                angle_deg: values.number(&near::SLIDE_VIEW),
+                edge_deg: 0.0,
+                turn_deg: values.number(&near::SLIDE_TURN),
+                colour: [1.0; 3],
+                stops: values.number(&near::SLIDE_STOPS),
+            },
+            flat: values.choice(&near::SPACE) == 1,
+        }
+    }
+
+    /// The light file, if one is typed.
+    pub fn file(&self) -> Option<&str> {
+        Some(self.file.trim()).filter(|typed| !typed.is_empty())
+    }
+
+    /// The slide, if one is typed.
+    pub fn slide(&self) -> Option<&str> {
+        Some(self.slide.trim()).filter(|typed| !typed.is_empty())
+    }
+
+    /// Is there any?
+    pub fn is_on(&self) -> bool {
+        self.file().or(self.slide()).is_some() || self.preset.is_some() || self.beams.iter().any(Option::is_some)
+    }
+}
+
 /// All parameters at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Controls {
@@ -29,6 +94,8 @@ pub struct Controls {
     pub lighting_file: String,
     /// A lighting that ships, or `None`.
     pub lighting: Option<&'static Preset>,
+    /// What lights from near.
+    pub near: Near,
     /// A lamp counted from 1, or `None` for another light.
     pub lamp: Option<usize>,
     /// How light becomes a picture.
@@ -69,7 +136,8 @@ impl Controls {
         let lighting_file = values.text(&settings::LIGHTING_FILE);
         // The first choice is none.
         let lighting = values.choice(&settings::LIGHTING).checked_sub(1).and_then(|n| PRESETS.get(n));
-        Self { asset, environment, lighting_file, lighting, lamp, look, output }
+        let near = Near::read(&values);
+        Self { asset, environment, lighting_file, lighting, near, lamp, look, output }
     }
 }
 

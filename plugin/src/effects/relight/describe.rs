@@ -2,7 +2,7 @@
 
 use std::ffi::CString;
 
-use relume_core::settings;
+use relume_core::settings::{self, near};
 
 use super::{ILLUMINATION, defines};
 use crate::effects::parameters::{self, Group};
@@ -15,6 +15,7 @@ const GROUPS: &[Group] = &[
     Group {
         id: "lightGroup",
         label: "Light",
+        open: true,
         settings: &[
             settings::ENVIRONMENT,
             settings::LIGHTING,
@@ -32,14 +33,26 @@ const GROUPS: &[Group] = &[
         ],
     },
     Group {
+        id: "nearGroup",
+        label: "Near light",
+        open: true,
+        settings: &[near::LIGHT4D, near::LIGHT4D_FILE, near::SPACE],
+    },
+    Group { id: "beam1Group", label: "Beam 1", open: false, settings: &near::BEAM_TABLES[0] },
+    Group { id: "beam2Group", label: "Beam 2", open: false, settings: &near::BEAM_TABLES[1] },
+    Group { id: "beam3Group", label: "Beam 3", open: false, settings: &near::BEAM_TABLES[2] },
+    Group { id: "beam4Group", label: "Beam 4", open: false, settings: &near::BEAM_TABLES[3] },
+    Group { id: "slideGroup", label: "Slide", open: false, settings: &near::SLIDE_TABLE },
+    Group {
         id: "responseGroup",
         label: "Response",
+        open: true,
         settings: &[settings::AMBIENT, settings::REPRESENTATION, settings::RECONSTRUCTION, settings::OUTSIDE],
     },
 ];
 
 const DESCRIPTION: &str = "Lights a captured object (a .rfield asset made with Relume) with a lat-long environment, \
-    a clip, lamps or one of the captured lamps, and composites it over Source. Float pixels are linear; 8-bit pixels are taken as sRGB.";
+    a clip, lamps far or near, a thrown picture or one of the captured lamps, and composites it over Source. Float pixels are linear; 8-bit pixels are taken as sRGB.";
 
 /// What holds in every context.
 pub fn describe(call: &Call<'_>) -> Reply {

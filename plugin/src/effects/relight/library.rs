@@ -4,11 +4,13 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use relume_core::field::{Access, Asset};
-use relume_core::illumination::{Beam, EnvMap};
+use relume_core::illumination::{Beam, EnvMap, LightField};
+use relume_core::image::Image as Picture;
 use relume_core::relight::{Light, Look, Relighter, WIDEST_MAP, Weights};
 use relume_core::settings::lighting::{self, Preset};
 
 use super::controls::Controls;
+use super::near::{self, Lights, NearFile, Origin as NearOrigin};
 use crate::effects::files::{self, Held};
 use crate::effects::recent::Recent;
 use crate::error::{Error, Result};
@@ -27,6 +29,10 @@ pub struct Library {
     fields: Shelf<Relighter>,
     maps: Shelf<EnvMap>,
     lightings: Shelf<Vec<Beam>>,
+    pub(super) near_files: Shelf<NearFile>,
+    pub(super) slides: Shelf<Picture>,
+    /// Light fields that ship, by name, as far as they were used.
+    pub(super) near_presets: Mutex<Vec<(&'static str, Arc<LightField>)>>,
     /// Lightings that ship, by name, as far as they were used.
     presets: Mutex<Vec<Lamps>>,
     weights: Recent<Origins, Weights, WEIGHTS_KEPT>,
@@ -38,6 +44,8 @@ pub struct Instance {
     field: Held<Relighter>,
     map: Held<EnvMap>,
     lighting: Held<Vec<Beam>>,
+    pub(super) near_file: Held<NearFile>,
+    pub(super) slide: Held<Picture>,
 }
 
 /// The light of a picture, owned.
@@ -47,6 +55,8 @@ pub enum Lit {
     Lamp(usize),
     /// Lamps of a lighting.
     Beams(Arc<Vec<Beam>>),
+    /// Light near the object.
+    Near(Lights),
     /// A map from a file.
     File(Arc<EnvMap>),
     /// A map from the Illumination clip.
@@ -58,6 +68,8 @@ impl Lit {
         match self {
             Self::Lamp(lamp) => Light::Lamp(*lamp),
             Self::Beams(beams) => Light::Beams(beams),
+            Self::Near(lights) if lights.flat => Light::Flat(&*lights.field),
+            Self::Near(lights) => Light::Field(&*lights.field),
             Self::File(map) | Self::Clip(map) => Light::Map(map),
         }
     }
@@ -73,6 +85,7 @@ struct Origins {
 enum Origin {
     Lamp(usize),
     Beams(Weak<Vec<Beam>>),
+    Near(NearOrigin, bool),
     File(Weak<EnvMap>),
     Clip(Arc<EnvMap>),
 }
@@ -82,6 +95,7 @@ impl Origin {
         match light {
             Lit::Lamp(lamp) => Self::Lamp(*lamp),
             Lit::Beams(beams) => Self::Beams(Arc::downgrade(beams)),
+            Lit::Near(lights) => Self::Near(lights.origin.clone(), lights.flat),
             Lit::File(map) => Self::File(Arc::downgrade(map)),
             Lit::Clip(map) => Self::Clip(Arc::clone(map)),
         }
@@ -92,6 +106,7 @@ impl Origin {
         match (self, light) {
             (Self::Lamp(a), Lit::Lamp(b)) => a == b,
             (Self::Beams(a), Lit::Beams(b)) => std::ptr::eq(a.as_ptr(), Arc::as_ptr(b)),
+            (Self::Near(a, flat), Lit::Near(b)) => *flat == b.flat && a.is(&b.origin),
             (Self::File(a), Lit::File(b)) => std::ptr::eq(a.as_ptr(), Arc::as_ptr(b)),
             (Self::Clip(a), Lit::Clip(b)) => a == b,
             _ => false,
@@ -168,6 +183,7 @@ impl Library {
         files::forget(&self.fields, &instance.field, &controls.asset);
         files::forget(&self.maps, &instance.map, &controls.environment);
         files::forget(&self.lightings, &instance.lighting, &controls.lighting_file);
+        near::forget(self, instance, &controls.near);
     }
 
     /// Lets go of everything that no instance owns.
@@ -175,6 +191,10 @@ impl Library {
         self.fields.clear();
         self.maps.clear();
         self.lightings.clear();
+        self.near_files.clear();
+        self.slides.clear();
+        let near_presets = std::mem::take(&mut *self.near_presets.lock().unwrap_or_else(PoisonError::into_inner));
+        drop(near_presets);
         let presets = std::mem::take(&mut *self.presets.lock().unwrap_or_else(PoisonError::into_inner));
         drop(presets);
         self.weights.clear();

@@ -4,8 +4,9 @@
 //! takes the place of the environment file (Generator and General, for there hosts know optional clips);
 //! `Output`, premultiplied RGBA. Parameters are the settings table of the core, so the command line means the same.
 //!
-//! Light comes from the Illumination clip if it is connected, else from the lamp above 0, else from the lighting file, else
-//! from the lighting that ships, else from the environment file.
+//! Light comes from the Illumination clip if it is connected, else from the lamp above 0, else from what is near the object (the
+//! light file, else the light field that ships, else beams and slide that are on), else from the lighting file, else from the
+//! lighting that ships, else from the environment file.
 //!
 //! The element has the asset's size in canonical coordinates (square pixels at full scale). It is centred on the
 //! region of definition of Source, which is then also the output's; without a Source it makes its own format from the
@@ -16,6 +17,7 @@
 //! | `describe` | clips, parameters and promises |
 //! | `controls` | what the artist set, at a time |
 //! | `library` | fields, maps and weights, shared between instances |
+//! | `near` | light near the object, from files and from parameters |
 //! | `regions` | region of definition, regions of interest |
 //! | `render` | the picture |
 //! | `status` | what is loaded, in words |
@@ -23,6 +25,7 @@
 mod controls;
 mod describe;
 mod library;
+mod near;
 mod regions;
 mod render;
 mod status;

@@ -59,14 +59,17 @@ fn placement(effect: &Effect<'_>, request: &Request, field: &Relighter, plate: O
     }
 }
 
-/// The Illumination clip if it delivers an image, else the lamp, else the lighting file, else the lighting, else the
-/// environment file.
+/// The Illumination clip if it delivers an image, else the lamp, else light near the object, else the lighting file, else the
+/// lighting, else the environment file.
 fn light(library: &Library, instance: &Instance, effect: &Effect<'_>, controls: &Controls, time: f64) -> Result<Lit> {
     if let Some(map) = illumination(effect, time)? {
         return Ok(Lit::Clip(Arc::new(map)));
     }
     if let Some(lamp) = controls.lamp {
         return Ok(Lit::Lamp(lamp));
+    }
+    if controls.near.is_on() {
+        return library.near(instance, &controls.near).map(Lit::Near);
     }
     if let Some(file) = controls.lighting_file() {
         return library.lighting(instance, file).map(Lit::Beams);

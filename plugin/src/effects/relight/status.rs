@@ -4,11 +4,15 @@ use relume_core::field::Kind;
 
 use super::controls::Controls;
 use super::library::{Instance, Library};
+use super::near;
 use super::{ILLUMINATION, input};
 use crate::effects::files::file_name;
 use crate::effects::status::{Depth, EMPTY, Speaker};
 use crate::error::{Error, Result};
 use crate::host::Effect;
+
+/// What an asset of lamps says to light near it.
+const LAMPS_ARE_FAR: &str = "Its lamps were far away, so light near the object cannot differ from point to point: set Near light in space to Flat, or use an asset captured with a projector.";
 
 /// An instance with what it shares.
 pub struct Voice<'a> {
@@ -40,14 +44,27 @@ fn line(
     let field = library.field(instance, &controls.asset)?;
     let asset = field.asset();
     let lamps = asset.domain().len();
+    let lights = match asset.domain().gantry() {
+        Some(gantry) => format!("{} positions of {} x {} squares", gantry.len(), gantry.side(), gantry.side()),
+        None => format!("{lamps} lamps"),
+    };
     let form = match field.choose(controls.look.representation, controls.lamp.is_some())? {
         Kind::Dense => String::new(),
         kind => format!(", {}", kind.id()),
     };
     let (name, width, height) = (file_name(&controls.asset), asset.width(), asset.height());
-    let about = format!("{name}: {width} x {height} pixels, {lamps} lamps{form}.");
+    let about = format!("{name}: {width} x {height} pixels, {lights}{form}.");
     if input(effect, ILLUMINATION).is_some() {
         return Ok(format!("{about} Light: the Illumination clip."));
+    }
+    if controls.lamp.is_none() && controls.near.is_on() {
+        if asset.domain().gantry().is_none() && !controls.near.flat {
+            return Ok(format!("{about} {LAMPS_ARE_FAR}"));
+        }
+        // The files of the light tell what is wrong with them here too.
+        let lights = library.near(instance, &controls.near)?;
+        let flat = if controls.near.flat { ", flat" } else { "" };
+        return Ok(format!("{about} Light: {}{flat}.", near::said(&controls.near, &lights)));
     }
     if let (None, Some(file)) = (controls.lamp, controls.lighting_file()) {
         let beams = library.lighting(instance, file)?.len();
