@@ -107,9 +107,13 @@ fn mistakes_with_projectors_are_told() {
         (&["--store", "terms", "--error", "0"], &["0.0001 to 0.5"]),
         (&["--terms", "8"], &["--terms", "screen"]),
         (&["--partial"], &["--partial", "stages"]),
+        (&["--white-patch", "38,10,8,4"], &["position 1", "40 x 30"]),
     ] {
         refuse(&mut pack(&set, "s", "b.rfield", options), words);
     }
+    // The table is nearly white, and the projector is.
+    let said = succeed(&mut pack(&set, "s", "w.rfield", &["--white-patch", "18,23,4,2", "--intensity", "700"]));
+    assert!(said.contains("white      red"), "{said}");
     let light = |name: &str, text: &str| {
         fs::write(set.path(name), text).unwrap();
         set.path(name).display().to_string()

@@ -5,8 +5,9 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use relume_core::acquire::separable::Separable;
+use relume_core::calibrate::white_patch;
 use relume_core::field::{Access, Asset, Precision};
-use relume_core::image::{EncodeOptions, write};
+use relume_core::image::{EncodeOptions, Image, write};
 use relume_core::{Error, Result as CoreResult};
 
 use super::Arguments;
@@ -17,7 +18,7 @@ use crate::pack::develop::Developer;
 use crate::pack::gantry::{GantryPack, Packed, Scheme, Store};
 use crate::pack::records::Records;
 use crate::progress::{Progress, Unit};
-use crate::rigs::GantryRig;
+use crate::rigs::{Condition, GantryRig};
 use crate::session::{CaptureDescription, Role};
 
 /// Fields beyond this are kept as terms unless samples are asked for: a position of 640 x 480 pixels and 16 x 16 squares has half
@@ -43,6 +44,10 @@ pub(super) struct GantryFlags {
     /// facing the projector photographs as 1].
     #[arg(long, value_name = "I", value_parser = values::positive)]
     intensity: Option<f32>,
+    /// A white patch in the photographs of the first position, pixels from the top left: it is made neutral, so that the projector's
+    /// white is (7.3).
+    #[arg(long, value_name = "X,Y,W,H", value_parser = values::four_counts)]
+    white_patch: Option<[usize; 4]>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -54,8 +59,13 @@ enum StoreChoice {
 impl GantryFlags {
     /// Refuses flags of projectors for another rig.
     pub(super) fn refuse(&self, what: &str) -> anyhow::Result<()> {
-        let Self { store, error, intensity } = self;
-        let given = [(store.is_some(), "--store"), (error.is_some(), "--error"), (intensity.is_some(), "--intensity")];
+        let Self { store, error, intensity, white_patch } = self;
+        let given = [
+            (store.is_some(), "--store"),
+            (error.is_some(), "--error"),
+            (intensity.is_some(), "--intensity"),
+            (white_patch.is_some(), "--white-patch"),
+        ];
         match given.iter().find(|(given, _)| *given) {
             Some((_, flag)) => anyhow::bail!("{flag} is for sessions of a projector; this makes {what}"),
             None => Ok(()),
@@ -95,6 +105,10 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
     };
     pack.store = store(arguments, pack.sample_bytes(arguments.precision.precision())?)?;
     pack.alpha = arguments.alpha.as_deref().map(|path| read_alpha(path, pack.size()?)).transpose()?;
+    if let Some(patch) = flags.white_patch {
+        let rows = *white_patch(&white(captured, scheme)?, patch, "position 1")?.rows();
+        pack.gains = [0, 1, 2].map(|c| rows[c][c] as f32);
+    }
     let provenance = serde_json::json!({
         "source": "capture",
         "rig": capture.rig.name,
@@ -103,6 +117,7 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
         "photographs": records.of(Role::Sample).count(),
         "influence": matches!(scheme, Scheme::Crossed(_)).then_some(gantry.influence),
         "intensity_measured": flags.intensity.is_some(),
+        "white_gains": flags.white_patch.map(|_| pack.gains),
     });
     let mut progress = Progress::new("packing", Unit::Steps);
     let packed = pack.write(output, provenance, &mut |done, all| progress.step(done, all))?;
@@ -141,10 +156,44 @@ fn store(arguments: &Arguments, bytes: u64) -> anyhow::Result<Store> {
     }
 }
 
+/// The first position under all squares, its black subtracted.
+fn white(captured: &Captured<'_>, scheme: Scheme) -> anyhow::Result<Image> {
+    let Captured { gantry, records, developer, .. } = *captured;
+    let absent = |what: &str| Error::invalid("position 1", format!("no {what} photograph"), "a complete session");
+    let black = records.find(Role::Black, &Condition::Black { stop: 0 }).ok_or_else(|| absent("black"))?;
+    let black = developer.picture(records, black)?;
+    let mut sum = Image::new(black.width(), black.height(), 3);
+    let mut add = |photograph| -> CoreResult<()> {
+        let picture = developer.picture(records, photograph)?;
+        let lit = picture.data().iter().zip(black.data()).map(|(v, black)| v - black);
+        sum.data_mut().iter_mut().zip(lit).for_each(|(sum, v)| *sum += v);
+        Ok(())
+    };
+    match (scheme, records.find(Role::AllLit, &Condition::White { stop: 0 })) {
+        (Scheme::Each, Some(white)) => add(white)?,
+        _ => {
+            // Squares one by one, or the horizontal set alone, are all of them.
+            let count = if scheme == Scheme::Each { gantry.squares } else { gantry.influence } * gantry.squares;
+            let first = |number: &usize| {
+                let of = |set: &str| Condition::Pattern { set: set.to_owned(), number: *number, stop: 0 };
+                records.find(Role::Sample, &of("hv")).or_else(|| records.find(Role::Sample, &of("squares")))
+            };
+            for number in 0..count {
+                add(first(&number).ok_or_else(|| absent("pattern's"))?)?;
+            }
+        }
+    }
+    Ok(sum)
+}
+
 fn words(pack: &GantryPack<'_>, packed: &Packed) -> String {
     let mut text = String::new();
     if let Some(lost) = packed.lost {
         text += &format!("terms      {:.2} % of the samples' norm is left out, noise included\n", 100.0 * lost);
+    }
+    if pack.gains != [1.0; 3] {
+        let [r, g, b] = pack.gains;
+        text += &format!("white      red, green and blue times {r:.3}, {g:.3}, {b:.3}\n");
     }
     if matches!(pack.scheme, Scheme::Crossed(_)) {
         let bad = packed.unreliable.len();

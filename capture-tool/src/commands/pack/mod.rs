@@ -43,6 +43,7 @@ Examples:
   relume pack glass -o glass.rfield --basis 9/7 --bare glass-bare
   relume pack glass -o glass.rfield --tiles 1-32
   relume pack chess -o chess.rfield --store terms --error 0.01
+  relume pack chess -o chess.rfield --white-patch 300,220,24,24
 
 Brackets are merged with the camera's response and black level, the ambient light is subtracted, drift of the lamps is corrected,
 and each photograph is divided by what its lamp gives a patch facing it. What was found stands in the session's calibration/.
