@@ -1,11 +1,13 @@
-//! A dual picture of the virtual gantry's still life, held against the same scene rendered from the projector.
+//! A dual picture of the virtual gantry's still life, held against the same scene rendered from the projector:
+//! `cargo run --release -p relume-core --example dual-truth -- ASSET POSITION white|IMAGE DUAL.exr SHEET.png`.
 //!
-//! `cargo run --release -p relume-core --example dual-truth -- ASSET POSITION white|IMAGE DUAL.exr SHEET.png`, as `06-dual.sh`
-//! does.
+//! `... -- trace ASSET NEW.rfield` writes the field of the same positions and squares without camera and noise, light over other
+//! surfaces by squares (the virtual rig keeps it by blocks of them). `06-dual.sh` does both.
 
 use std::path::Path;
 
-use relume_core::field::{Access, Asset};
+use relume_core::acquire::Photographs;
+use relume_core::field::{self, Access, Asset, Contents, Precision};
 use relume_core::image::{self, EncodeOptions, Encoding, Image};
 use relume_core::simulate::{Camera, Gantry, Quality};
 use relume_core::{Error, Result};
@@ -18,6 +20,11 @@ const COUNTED: f64 = 0.99;
 #[expect(clippy::print_stdout, reason = "what an example has to say")]
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [word, asset, output] = &arguments[..]
+        && word == "trace"
+    {
+        return traced(&Asset::open(Path::new(asset), Access::Mapped)?, Path::new(output));
+    }
     let [asset, position, lit, dual, sheet] = &arguments[..] else {
         return Err(Error::invalid("arguments", arguments.join(" "), "ASSET POSITION white|IMAGE DUAL.exr SHEET.png"));
     };
@@ -48,19 +55,51 @@ fn main() -> Result<()> {
     image::write(Path::new(sheet), &picture, EncodeOptions::default())
 }
 
-/// The scene from the projector, lit by the camera.
-fn rendered(asset: &Asset, position: usize, lit: &Image) -> Result<Image> {
+/// The virtual gantry of an asset's positions and squares.
+fn gantry(asset: &Asset) -> Result<Gantry> {
     let Some(domain) = asset.domain().gantry() else {
         return Err(Error::invalid(asset.path().display().to_string(), "another rig", "a virtual gantry"));
     };
-    let gantry = Gantry {
+    Ok(Gantry {
         positions: domain.poses().iter().map(|pose| pose.place.cast()).collect(),
         view_rad: domain.view_rad() as f32,
+        blocks: domain.side(),
         ..Gantry::demo(Camera::gantry(asset.width(), asset.height()), (1, 1), domain.side())
+    })
+}
+
+/// The field of the gantry as it is traced.
+fn traced(asset: &Asset, output: &Path) -> Result<()> {
+    let gantry = gantry(asset)?;
+    let quality = Quality { samples: 64, stride: 1, ..Quality::rig() };
+    let rows = gantry.trace(&quality, &mut |_, _| Ok(()))?;
+    let (width, height) = rows.size();
+    let mut photographs = Photographs::new(width, height, output.parent().unwrap_or(Path::new(".")));
+    for element in 0..rows.grids().elements() {
+        photographs.push(rows.element(element)?)?;
+    }
+    let contents = Contents {
+        domain: gantry.domain()?.into(),
+        irradiance: vec![1.0; gantry.positions.len()],
+        width,
+        height,
+        colour_space: Default::default(),
+        precision: Precision::Half,
+        largest: photographs.largest(),
+        // Nothing else shines there.
+        ambient: Some(Image::new(width, height, 3)),
+        alpha: None,
+        reliability: None,
+        provenance: serde_json::json!({"source": "traced"}),
     };
+    field::write(output, &contents, &mut photographs)
+}
+
+/// The scene from the projector, lit by the camera.
+fn rendered(asset: &Asset, position: usize, lit: &Image) -> Result<Image> {
     // What the mirror ball throws on the table comes from few directions.
     let quality = Quality { samples: 256, cone_density: 50_000.0, ..Quality::rig() };
-    gantry.from_projector(position, lit, &quality, &mut |_, _| Ok(()))
+    gantry(asset)?.from_projector(position, lit, &quality, &mut |_, _| Ok(()))
 }
 
 /// The relative error of what counts, and the scale that makes it least.

@@ -25,7 +25,8 @@ Examples:
 A row a pixel: what was sampled, a dot a lamp, then each reconstruction. A row is exposed so that its 98th percentile is white.
 The disc (nusselt) shows the hemisphere about the lamps' axis, seen from outside: +x right, and +y up for lamps before the
 object, +z (the camera's side) down for lamps above it. The map (latlong) is what an observer at the object sees: +x left.
-Of a screen a row is its texels; of a projector a picture a position, as the projector sees the scene: what the pixel answers to.";
+Of a screen a row is its texels; of a projector a picture a position, as the projector sees the scene: what the pixel
+answers to, its largest answer white.";
 
 /// Room around things, in pixels.
 const MARGIN: usize = 14;
@@ -122,10 +123,12 @@ fn pictures(asset: &Asset, picture: Plane, rows: &[Row]) -> anyhow::Result<Image
     for (n, (row, words)) in rows.iter().zip(&words).enumerate() {
         let top = MARGIN + n * row_height;
         canvas.text((MARGIN, top), words);
+        // A pixel answers to few squares: the percentile of a row would show what noise there is in the others.
+        let largest = row.samples.as_flattened().iter().fold(f32::MIN_POSITIVE, |most, v| most.max(*v));
         for (position, answers) in row.samples.chunks_exact(picture.len()).enumerate() {
             let at = (MARGIN + position % across * (w + MARGIN), top + LINE + position / across * (h + LINE));
             canvas.fill(at, (w, h), |x, y| {
-                Some(answers[picture.element(x / enlarged, y / enlarged)].map(|v| v * row.exposure))
+                Some(answers[picture.element(x / enlarged, y / enlarged)].map(|v| v / largest))
             });
             if count > 1 {
                 canvas.text((at.0, at.1 + h + 1), &format!("position {}", position + 1));

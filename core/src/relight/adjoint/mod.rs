@@ -29,6 +29,9 @@ pub type Progress<'a> = dyn FnMut(u64, u64) -> Result<()> + 'a;
 /// Double-precision RGB: the sums of one element under one picture.
 type Sum = [f64; 3];
 
+/// From sums of coefficients to answers of elements.
+type Making<'a> = dyn Fn(&[[f32; 3]]) -> Vec<[f32; 3]> + 'a;
+
 /// How many elements the light of a representation has: lamps, texels or squares; for wavelets of a field of lamps, the texels of
 /// the grid that they live on, as in [`Weights::rgb`](super::Weights::rgb).
 ///
@@ -70,7 +73,7 @@ pub fn adjoint(
     }
     let absent = || absent(asset, kind);
     // Where elements are made of coefficients, all of them are.
-    let made = |sums: Vec<Vec<Sum>>, make: &dyn Fn(&[[f32; 3]]) -> Vec<[f32; 3]>| -> Vec<Vec<[f32; 3]>> {
+    let made = |sums: Vec<Vec<Sum>>, make: &Making<'_>| -> Vec<Vec<[f32; 3]>> {
         sums.into_iter().map(|sums| make(&rounded(sums))[elements.clone()].to_vec()).collect()
     };
     let answers: Vec<Vec<[f32; 3]>> = match kind {
