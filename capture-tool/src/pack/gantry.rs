@@ -361,7 +361,7 @@ impl Job<'_> {
             self.told_apart(stop, gathering, into)?;
         }
         self.done += 1;
-        Ok(progress(self.done, self.total)?)
+        progress(self.done, self.total)
     }
 
     /// Squares from sets of them, and what is to be said of that.

@@ -20,6 +20,9 @@ use crate::devices::rehearsal::Fault;
 use crate::devices::virtual_camera::{View, Window};
 use crate::devices::{Finding, Trouble};
 
+/// Light over other surfaces is kept square by square up to so many of them, 12 kB a pixel; beyond, by blocks, which a dual image would show as
+/// haze.
+const FEW_SQUARES: usize = 1200;
 /// Radius of the virtual projector's lens, scene units: mirrors see it as a small disc.
 const LENS_RADIUS: f32 = 0.08;
 
@@ -164,7 +167,7 @@ pub fn cached(rig: &RigFile, bare: bool) -> Result<PathBuf> {
         }
         (None, Some(gantry)) => {
             let GantryRig { view_deg, .. } = gantry;
-            format!("gantry {} {view_deg} {:?}{scene}", gantry.pixels(), gantry.places())
+            format!("gantry 2 {} {view_deg} {:?}{scene}", gantry.pixels(), gantry.places())
         }
         (None, None) => String::new(),
     };
@@ -205,11 +208,12 @@ fn virtual_monitor(rig: &MonitorRig, scene: SceneChoice, camera: Camera) -> Moni
 /// The projector of a rig before a scene.
 pub fn virtual_gantry(rig: &GantryRig, scene: SceneChoice, camera: Camera) -> Gantry {
     let usual = Gantry::demo(camera, (1, 1), rig.pixels());
-    // The light in a bowl by every square: by blocks of them, sets of squares would seem to fail where they do not.
+    let few = rig.places().len() * rig.pixels() * rig.pixels() <= FEW_SQUARES;
     let (scene, blocks) = match scene {
         SceneChoice::Convex => (Scene::convex(), usual.blocks),
-        SceneChoice::Bowl => (Scene::bowl(), rig.squares),
-        _ => (Scene::gantry(), usual.blocks),
+        // By blocks of squares, sets of squares would seem to fail in the bowl where they do not.
+        SceneChoice::Bowl => (Scene::bowl(), rig.pixels()),
+        _ => (Scene::gantry(), if few { rig.pixels() } else { usual.blocks }),
     };
     Gantry {
         scene,

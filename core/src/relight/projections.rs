@@ -98,7 +98,7 @@ impl Projections {
 }
 
 /// Most recently used first.
-type Kept<K, V> = Vec<(K, Arc<V>)>;
+pub(super) type Kept<K, V> = Vec<(K, Arc<V>)>;
 
 /// The value of a key among those used most recently, built where it is not kept. Two threads that miss at once both build it; the result is the same.
 pub(super) fn kept<K: PartialEq, V>(

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, OnceLock};
 
 use super::choice::choose;
-use super::projections::{Projections, kept};
+use super::projections::{Kept, Projections, kept};
 use super::{Look, Weights, element, prepared};
 use crate::domain::{Directions, Domain, Gantry};
 use crate::error::{Error, Result};
@@ -44,7 +44,7 @@ pub struct Relighter {
     lamps: Arc<Directions>,
     projections: Projections,
     /// Onto the squares of a projector, by method.
-    squares: Mutex<Vec<((Method, Outside), Arc<Squares>)>>,
+    squares: Mutex<Kept<(Method, Outside), Squares>>,
     /// Onto the texels of the grid that wavelets live on, built when they light.
     on_grid: OnceLock<Projections>,
 }
