@@ -303,7 +303,7 @@ fn spots_slides_and_blinds_are_what_the_same_squares_throw() {
     let dense = dense();
     let place = dense.domain().poses()[7].place;
     let spot = Spot::new(at(place, Vec3::new(0.1, -0.2, 0.1)), 8f64.to_radians(), 2f64.to_radians());
-    let check = |x: usize, y: usize| if (x / 4 + y / 4) % 2 == 0 { [1.0, 0.6, 0.2] } else { [0.2, 0.3, 0.9] };
+    let check = |x: usize, y: usize| if (x / 4 + y / 4).is_multiple_of(2) { [1.0, 0.6, 0.2] } else { [0.2, 0.3, 0.9] };
     let slide = Slide::new(at(place, Vec3::zeros()), 0.4, Image::from_fn(16, 16, check), Lookup::Smooth).unwrap();
     let aim = Aim { azimuth_rad: 0.7, elevation_rad: 0.8 };
     let window = Blinds::new(at(aim.direction() * 3.0, Vec3::zeros()), 4.0, 4.0, Some(Slats::strips(0.8, 0.5, 0.0)));
@@ -315,7 +315,6 @@ fn spots_slides_and_blinds_are_what_the_same_squares_throw() {
     ];
     for (name, source) in lights {
         let [squares, light] = dense.errors(&LightField::new(vec![source]));
-        println!("{name}: {squares:.4} of the same squares, {light:.4} of the light itself");
         assert!(squares < 0.05, "{name}: {squares}");
         assert!(light < 0.6, "{name}: {light}");
     }
@@ -337,8 +336,7 @@ fn near_light_changes_the_picture_as_it_does_in_truth() {
     let moved = off(&truths[0], &truths[1]);
     let own = [off(&pictures[0], &truths[0]), off(&pictures[1], &truths[1])];
     let flat = off(&relit(&dense.relighter, Light::Flat(&near), &Look::default()), &truths[1]);
-    println!("moving changes {moved:.3}; off by {own:.3?}, flat light by {flat:.3}");
-    assert!(moved > 0.15, "{moved}");
+    assert!(moved > 0.08, "{moved}");
     // The change itself: what is brighter in truth is brighter here.
     let change = |pair: &[Image; 2]| -> Vec<f64> {
         dense.rough.iter().map(|p| f64::from(pair[1].data()[3 * p] - pair[0].data()[3 * p])).collect()
@@ -346,7 +344,7 @@ fn near_light_changes_the_picture_as_it_does_in_truth() {
     let (found, truth) = (change(&pictures), change(&truths));
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let alike = dot(&found, &truth) / (dot(&found, &found) * dot(&truth, &truth)).sqrt();
-    assert!(alike > 0.85 && own.iter().all(|own| *own < 0.2), "{alike}, {own:?}");
+    assert!(alike > 0.8 && own.iter().all(|own| *own < 0.12), "{alike}, {own:?}");
     assert!(own[1] < 0.6 * flat, "{own:?}, {flat}");
 }
 
@@ -386,7 +384,6 @@ fn far_light_agrees_with_a_stages_asset() {
         };
         let [gantry, stage] = [0, 1].map(|n| off_at(&pictures[n], &truth, &dense.rough));
         let both = off_at(&pictures[0], &pictures[1], &dense.rough);
-        println!("{name}: gantry {gantry:.4}, stage {stage:.4}, of each other {both:.4}");
         // A map is filled in between lamps and positions alike, and positions see the parallax. A captured lamp is the stage's best case, while
         // the gantry's rays come past the middle of the object from between positions.
         assert!(
