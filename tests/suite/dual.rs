@@ -148,15 +148,9 @@ fn a_screen_gets_the_light_that_arrives_at_its_texels() {
     let asset = set.path("a.rfield");
     succeed(tool("pack").arg(set.path("s")).arg("-o").arg(&asset));
     let out = set.path("out.exr");
-    let found = match Asset::open(&asset, Access::Read).unwrap().ambient() {
-        Some(_) => seen(&asset, &out, &["--lit", "white"]),
-        None => {
-            refuse(&mut dual(&asset, &out, &["--lit", "white"]), &["black photograph", "--dark-room"]);
-            seen(&asset, &out, &["--lit", "white", "--dark-room"])
-        }
-    };
+    let found = seen(&asset, &out, &["--lit", "white"]);
     let expected = sums(&asset, &Image::from_fn(40, 30, |_, _| [1.0; 3]));
     assert!(difference(&found, &Image::from_fn(4, 4, |x, y| expected[y * 4 + x])) < 1e-5);
-    refuse(&mut dual(&asset, &out, &["--lit", "white", "--dark-room", "--radiance"]), &["no point to look from"]);
-    refuse(&mut dual(&asset, &out, &["--lit", "white", "--dark-room", "--position", "2"]), &["no position 2"]);
+    refuse(&mut dual(&asset, &out, &["--lit", "white", "--radiance"]), &["no point to look from"]);
+    refuse(&mut dual(&asset, &out, &["--lit", "white", "--position", "2"]), &["no position 2"]);
 }

@@ -176,7 +176,7 @@ fn what_makes_no_sense_is_refused() {
     }
     let stage = super::capture::RIG.replace("samples = 4", "samples = 4\nscene = \"diffuse\"");
     fs::write(set.path("rig.toml"), &stage).unwrap();
-    refuse(&mut set.begin("s", &["--plan"]), &["scene", "a rig with a screen"]);
+    refuse(&mut set.begin("s", &["--plan"]), &["scene", "is for a screen"]);
     fs::write(set.path("rig.toml"), super::capture::RIG).unwrap();
     refuse(&mut set.begin("s", &["--bare"]), &["--bare", "screen"]);
     refuse(&mut set.begin("s", &["--sampler", "explicit"]), &["a stage is scanned"]);

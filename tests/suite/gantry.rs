@@ -16,6 +16,8 @@ const PROJECTOR: &str = "[gantry]\nsquares = 8\ninfluence = 3\ndistance = 4\nvie
 fn rig() -> String {
     let (head, rest) = RIG.split_once("[stage]").unwrap();
     let rest = rest.split_once("[camera]").unwrap().1;
+    // White of 12800 at a distance of 4 is as bright as the stage's lamps.
+    let rest = rest.replace("irradiance = 800.0", "irradiance = 12800.0");
     format!("{}{PROJECTOR}[camera]{rest}", head.replace("\"stage\"", "\"gantry\""))
 }
 
@@ -112,7 +114,7 @@ fn mistakes_with_projectors_are_told() {
         refuse(&mut pack(&set, "s", "b.rfield", options), words);
     }
     // The table is nearly white, and the projector is.
-    let said = succeed(&mut pack(&set, "s", "w.rfield", &["--white-patch", "18,23,4,2", "--intensity", "700"]));
+    let said = succeed(&mut pack(&set, "s", "w.rfield", &["--white-patch", "16,26,6,2", "--intensity", "12800"]));
     assert!(said.contains("white      red"), "{said}");
     let light = |name: &str, text: &str| {
         fs::write(set.path(name), text).unwrap();
