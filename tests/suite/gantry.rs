@@ -157,9 +157,12 @@ fn mistakes_with_projectors_are_told() {
         refuse(tool("capture").arg(set.path("bad.toml")).arg("--session").arg(set.path("x")), &[words]);
     }
     let journal = fs::read_to_string(set.path("s/journal.jsonl")).unwrap();
-    let without: Vec<&str> =
-        journal.lines().filter(|line| !(line.contains("\"black\"") && line.contains("\"stop\":5"))).collect();
-    assert_eq!(without.len() + 1, journal.lines().count());
-    fs::write(set.path("s/journal.jsonl"), without.join("\n") + "\n").unwrap();
+    let moved = |line: &str| match line.contains("\"black\"") {
+        true => line.replace("\"stop\":5", "\"stop\":0"),
+        false => line.to_owned(),
+    };
+    let lines: Vec<String> = journal.lines().map(moved).collect();
+    assert_eq!(lines.iter().zip(journal.lines()).filter(|(a, b)| a != b).count(), 1);
+    fs::write(set.path("s/journal.jsonl"), lines.join("\n") + "\n").unwrap();
     refuse(&mut pack(&set, "s", "b.rfield", &[]), &["position 6", "no black photograph", "--resume"]);
 }
