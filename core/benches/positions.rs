@@ -94,7 +94,8 @@ fn packed_terms(path: &Path, positions: usize) -> Result<Option<(f64, u64)>> {
     let mut terms = PositionTerms::new(SIZE, (positions, squares), 0.01, path)?;
     for position in 0..positions {
         let mut photographs = Photographs::new(SIZE.0, SIZE.1, folder);
-        (0..SIDE * SIDE).try_for_each(|square| photographs.push(photograph(position, square)))?;
+        let seen = seen(position);
+        (0..SIDE * SIDE).try_for_each(|square| photographs.push(photograph(&seen, square)))?;
         terms.push(&mut photographs)?;
         if position % 16 == 15 {
             println!("position {:4}: {} MB at most", position + 1, peak_megabytes());
@@ -108,7 +109,8 @@ fn packed_terms(path: &Path, positions: usize) -> Result<Option<(f64, u64)>> {
 fn packed_samples(path: &Path, positions: usize) -> Result<Option<(f64, u64)>> {
     let mut photographs = Photographs::new(SIZE.0, SIZE.1, path.parent().unwrap_or(Path::new(".")));
     for position in 0..positions {
-        (0..SIDE * SIDE).try_for_each(|square| photographs.push(photograph(position, square)))?;
+        let seen = seen(position);
+        (0..SIDE * SIDE).try_for_each(|square| photographs.push(photograph(&seen, square)))?;
     }
     let contents = contents(positions, photographs.largest())?;
     let mut bands = Reporting { photographs: &mut photographs, progress: &mut |_, _| Ok(()), total: 0 };
@@ -116,27 +118,42 @@ fn packed_samples(path: &Path, positions: usize) -> Result<Option<(f64, u64)>> {
     Ok(None)
 }
 
+/// What pixels see of a position, in squares from the left and the top; negative in a shadow.
+fn seen(position: usize) -> Vec<[f32; 2]> {
+    let p = position as f32;
+    let at = |n: usize| {
+        let (u, v) = ((n % SIZE.0) as f32 / SIZE.0 as f32, (n / SIZE.0) as f32 / SIZE.1 as f32);
+        let (across, down) = (u + 0.1 * (3.0 * v + p).sin(), v + 0.1 * (4.0 * u + 0.7 * p).cos());
+        let shadow = (7.0 * u + p).sin() * (5.0 * v - p).cos() > 0.6;
+        let square = |s: f32| (s * SIDE as f32).rem_euclid(SIDE as f32);
+        if shadow { [-1.0 - square(across), square(down)] } else { [square(across), square(down)] }
+    };
+    (0..SIZE.0 * SIZE.1).into_par_iter().map(at).collect()
+}
+
+fn albedo(n: usize) -> [f32; 3] {
+    let (u, v) = ((n % SIZE.0) as f32 / SIZE.0 as f32, (n / SIZE.0) as f32 / SIZE.1 as f32);
+    [0.6 + 0.3 * (u - 0.5), 0.5, 0.4 + 0.2 * (v - 0.5)]
+}
+
 /// Light of a pixel under a square, RGB: direct where the pixel sees the square, and a little over other surfaces.
-fn answer(position: usize, square: usize, x: usize, y: usize) -> [f32; 3] {
-    let (p, u, v) = (position as f32, x as f32 / SIZE.0 as f32, y as f32 / SIZE.1 as f32);
-    let (across, down) = (u + 0.1 * (3.0 * v + p).sin(), v + 0.1 * (4.0 * u + 0.7 * p).cos());
-    let seen = |s: f32| (s * SIDE as f32).rem_euclid(SIDE as f32) as usize;
+fn answer([across, down]: [f32; 2], square: usize, n: usize) -> [f32; 3] {
     let (column, row) = (square % SIDE, square / SIDE);
-    let shadow = (7.0 * u + p).sin() * (5.0 * v - p).cos() > 0.6;
-    let albedo = [0.6 + 0.3 * (9.0 * u).sin(), 0.5, 0.4 + 0.2 * (11.0 * v).cos()];
-    let direct = if !shadow && (seen(across), seen(down)) == (column, row) { 1.0 } else { 0.0 };
-    let near = |a: f32, b: usize| 1.0 - ((a * SIDE as f32).rem_euclid(SIDE as f32) - b as f32).abs() / SIDE as f32;
-    let indirect = 6e-4 * near(across, column) * near(down, row);
-    albedo.map(|albedo| albedo * (direct + indirect))
+    let direct = if across >= 0.0 && (across as usize, down as usize) == (column, row) { 1.0 } else { 0.0 };
+    let lies = if across < 0.0 { -1.0 - across } else { across };
+    let near = |a: f32, b: usize| 1.0 - (a - b as f32).abs() / SIDE as f32;
+    let indirect = 6e-4 * near(lies, column) * near(down, row);
+    albedo(n).map(|albedo| albedo * (direct + indirect))
 }
 
 /// A picture of them, with noise.
-fn photograph(position: usize, square: usize) -> Image {
+fn photograph(seen: &[[f32; 2]], square: usize) -> Image {
     let mut data = vec![0.0f32; SIZE.0 * SIZE.1 * 3];
     data.par_chunks_mut(3 * SIZE.0).enumerate().for_each(|(y, line)| {
-        let mut state = (position * SIDE * SIDE + square) as u64 * 1_000_003 + y as u64;
+        let mut state = (square * 1_000_003 + y) as u64 + u64::from(seen[0][0].to_bits()) * 977;
         for (x, rgb) in line.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-            *rgb = answer(position, square, x, y).map(|light| {
+            let n = y * SIZE.0 + x;
+            *rgb = answer(seen[n], square, n).map(|light| {
                 // The sum of four even numbers is near enough to a normal one; its variance is a third.
                 state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
                 let even = |shift: u32| f32::from((state >> shift) as u16) / 65536.0 - 0.5;
@@ -151,11 +168,12 @@ fn photograph(position: usize, square: usize) -> Image {
 fn error(asset: &Asset, positions: usize) -> Result<f64> {
     let Some(sparse) = asset.sparse() else { return Ok(0.0) };
     let (mut off, mut all) = (0.0f64, 0.0f64);
+    let seen: Vec<Vec<[f32; 2]>> = (0..positions).map(seen).collect();
     for n in 0..64 {
         let (x, y) = (n * 37 % SIZE.0, n * 53 % SIZE.1);
-        let function = sparse.reflectance(x, y)?;
-        for (element, found) in function.iter().enumerate().take(positions * SIDE * SIDE) {
-            let truth = answer(element / (SIDE * SIDE), element % (SIDE * SIDE), x, y);
+        let pixel = y * SIZE.0 + x;
+        for (element, found) in sparse.reflectance(x, y)?.iter().enumerate() {
+            let truth = answer(seen[element / (SIDE * SIDE)][pixel], element % (SIDE * SIDE), pixel);
             for c in 0..3 {
                 off += f64::from(found[c] - truth[c]).powi(2);
                 all += f64::from(truth[c]).powi(2);
