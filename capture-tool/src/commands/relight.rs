@@ -48,7 +48,7 @@ pub struct Arguments {
     #[command(flatten)]
     light: LightArguments,
     /// Take the light of --light4d everywhere as it is in the middle of the object, as an environment map of it would.
-    #[arg(long, requires = "light4d")]
+    #[arg(long, conflicts_with_all = ["env", "lighting", "lamp", "plane", "layer"])]
     flat: bool,
     #[arg(long, value_name = "FORM", help = settings::REPRESENTATION.hint,
           value_parser = values::choice(&settings::REPRESENTATION),
@@ -388,6 +388,8 @@ mod tests {
             "relight a.rfield --env m.hdr --lamp 1 -o out.exr",
             "relight a.rfield --env m.hdr",
             "relight --env m.hdr -o out.exr",
+            "relight a.rfield --env m.hdr --flat -o out.exr",
+            "relight a.rfield --light4d key.toml --blur 3 -o out.exr",
             "relight a.rfield --lamp -1 -o out.exr",
             "relight a.rfield --lamp 1.5 -o out.exr",
             "relight a.rfield --lamp 1 --rotate 90 -o out.exr",

@@ -23,7 +23,7 @@ impl ScreenRelighter {
         let Some(&plane) = asset.domain().plane() else {
             return Err(Error::Unsupported {
                 place: asset.path().display().to_string(),
-                what: "a screen's picture on a field of lamps".to_owned(),
+                what: "a screen's picture on a field that no screen made".to_owned(),
                 advice: "light it from all round: `relume relight --env`, or Relume Relight".to_owned(),
             });
         };
