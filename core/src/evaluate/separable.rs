@@ -1,7 +1,7 @@
 //! How well one photograph a square is recovered from horizontal and vertical sets (7.5), and whether the reliability map knows.
 //!
 //! Everything is of one position of a virtual gantry: photographs under the patterns, with noise of a camera and a black one if
-//! asked for; the squares that [`Separable`](crate::acquire::separable::Separable) makes of them; the true ones, of the traced scene.
+//! asked for; the squares that [`Separable`] makes of them; the true ones, of the traced scene.
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::StandardNormal;

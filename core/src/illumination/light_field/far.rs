@@ -24,7 +24,7 @@ pub struct Far {
 
 impl Far {
     /// A sun of this angle across, white, of irradiance pi: an even disc. `shadowed`: something is before it, so its disc is cut finely
-    /// enough for penumbras ([`SUN_BEAMS`]); alone, a small disc is one beam.
+    /// enough for penumbras (`SUN_BEAMS`); alone, a small disc is one beam.
     pub fn sun(aim: &Aim, diameter_rad: f64, shadowed: bool) -> Self {
         let radius = diameter_rad / 2.0;
         let fine = (2.0 * PI * (1.0 - radius.cos()) / SUN_BEAMS).sqrt().min(SPACING_RAD);
