@@ -117,6 +117,4 @@ impl Weights {
 }
 
 #[cfg(test)]
-mod gantry_tests;
-#[cfg(test)]
 mod tests;

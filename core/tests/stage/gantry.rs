@@ -4,17 +4,17 @@ use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use super::*;
-use crate::domain::{Domain, Gantry};
-use crate::error::Result;
-use crate::field::{Access, Asset, BLOCK_PIXELS, Bands, Contents, Layout, Precision, write};
-use crate::illumination::light_field::{Blinds, Emitter, Far, Frame, Lookup, Point, Slats, Slide, Source, Spot};
-use crate::illumination::lighting::Aim;
-use crate::illumination::{Beam, EnvMap, Incident, LightField};
-use crate::image::{ColourSpace, Image, Window};
-use crate::math::Vec3;
-use crate::reconstruct::{Method, Outside, Squares};
-use crate::simulate::{self, Camera, Quality, Rows};
+use relume_core::Result;
+use relume_core::domain::{Domain, Gantry};
+use relume_core::field::{Access, Asset, BLOCK_PIXELS, Bands, Contents, Layout, Precision, write};
+use relume_core::illumination::light_field::{Blinds, Emitter, Far, Frame, Lookup, Point, Slats, Slide, Source, Spot};
+use relume_core::illumination::lighting::Aim;
+use relume_core::illumination::{Beam, EnvMap, Incident, LightField};
+use relume_core::image::{ColourSpace, Image, Window};
+use relume_core::math::Vec3;
+use relume_core::reconstruct::{Method, Outside, Squares};
+use relume_core::relight::{Light, Look, Relighter, Weights};
+use relume_core::simulate::{self, Camera, Quality, Rows};
 
 const SIZE: (usize, usize) = (48, 36);
 const WHOLE: Window = Window { x0: 0, y0: 0, x1: SIZE.0, y1: SIZE.1 };
@@ -353,7 +353,7 @@ fn near_light_changes_the_picture_as_it_does_in_truth() {
 fn far_light_agrees_with_a_stages_asset() {
     let dense = dense();
     let lamps = dense.domain().directions().lamps().to_vec();
-    let directions = std::sync::Arc::new(crate::domain::Directions::new(lamps).unwrap());
+    let directions = std::sync::Arc::new(relume_core::domain::Directions::new(lamps).unwrap());
     let quality = Quality { samples: 64, bounces: 4, stride: 2, cone_density: 300.0, depth: 4, seed: 3 };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("stage.rfield");
@@ -380,7 +380,7 @@ fn far_light_agrees_with_a_stages_asset() {
         let pictures = [&dense.relighter, &stage].map(|relighter| relit(relighter, light, &Look::default()));
         let truth = match light {
             Light::Map(map) => dense.truth(map),
-            _ => dense.truth(&crate::illumination::Distant(vec![beam])),
+            _ => dense.truth(&relume_core::illumination::Distant(vec![beam])),
         };
         let [gantry, stage] = [0, 1].map(|n| off_at(&pictures[n], &truth, &dense.rough));
         let both = off_at(&pictures[0], &pictures[1], &dense.rough);
