@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use relume_core::acquire::separable::{Gathering, Reliability, Separable};
 use relume_core::acquire::{Photographs, PositionTerms, Reporting};
 use relume_core::domain::{Filter, Gantry, Pose};
-use relume_core::field::{self, BLOCK_HEIGHT, BLOCK_PIXELS, Contents, Precision};
+use relume_core::field::{self, BLOCK_HEIGHT, BLOCK_PIXELS, BlockTerms, Contents, Precision, TermBands};
 use relume_core::files::folder_of;
 use relume_core::image::Image;
 use relume_core::{Error, Result};
@@ -235,7 +235,8 @@ impl GantryPack<'_> {
                 contents.largest = terms.largest();
                 job.packed.lost = Some(terms.lost());
                 progress(done, total)?;
-                field::write_terms(output, &contents, (terms.basis(), None), terms)?;
+                let basis = terms.basis();
+                field::write_terms(output, &contents, (basis, None), &mut Told { terms, progress, done, total })?;
             }
             (None, Store::Samples(precision)) => {
                 contents.precision = precision;
@@ -295,6 +296,23 @@ fn field_domain(gantry: Gantry) -> Result<relume_core::domain::Domain> {
     let domain = gantry.into();
     field::check_elements(&domain)?;
     Ok(domain)
+}
+
+/// Terms that tell how far writing has come, and stop where they are told to.
+struct Told<'a> {
+    terms: &'a mut PositionTerms,
+    progress: &'a mut dyn FnMut(u64, u64) -> Result<()>,
+    done: u64,
+    total: u64,
+}
+
+impl TermBands for Told<'_> {
+    fn fill(&mut self, bx: usize, by: usize, block: &mut BlockTerms) -> Result<()> {
+        if bx == 0 {
+            (self.progress)((self.done + by as u64).min(self.total), self.total)?;
+        }
+        self.terms.fill(bx, by, block)
+    }
 }
 
 /// A field at work.

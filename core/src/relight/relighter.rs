@@ -198,7 +198,7 @@ impl Relighter {
                 return Err(Error::Unsupported {
                     place: self.asset.path().display().to_string(),
                     what: format!("{name}, which comes from where the projector never stood,"),
-                    advice: "move it, turn the light, or give it to the nearest position (--outside nearest)"
+                    advice: "move it, turn the light, or give it to the nearest position (outside: nearest, or --outside nearest)"
                         .to_owned(),
                 });
             }

@@ -116,7 +116,7 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
         "sampler": capture.sampler,
         "photographs": records.of(Role::Sample).count(),
         "influence": matches!(scheme, Scheme::Crossed(_)).then_some(gantry.influence),
-        "intensity_measured": flags.intensity.is_some(),
+        "intensity": if flags.intensity.is_some() { "given" } else { "assumed" },
         "white_gains": flags.white_patch.map(|_| pack.gains),
     });
     let mut progress = Progress::new("packing", Unit::Steps);
