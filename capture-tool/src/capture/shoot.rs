@@ -59,8 +59,23 @@ impl Set<'_> {
             progress::check_urgent()?;
             let exposure = self.set(wanted)?;
             self.patiently(|set| set.camera.expose())?;
+            // A dial that was turned between setting and exposing is seen here.
+            let after = self.patiently(|set| set.camera.setting())?;
             let stem = format!("{:06}-{}", folder.number(), n + 1);
             let delivered = self.patiently(|set| set.camera.download(folder.path(), &stem))?;
+            for (said, who) in [(after, "the camera"), (delivered.exposure, "its file")] {
+                if let Some(other) = said.filter(|said| !same(wanted, said)) {
+                    return Err(Trouble::stop(
+                        format!(
+                            "the camera was set to {}, and after the exposure {who} says {}",
+                            words(wanted),
+                            words(&other)
+                        ),
+                        "nobody may touch its dials during a capture; put it back in manual mode",
+                    ));
+                }
+            }
+            let exposure = delivered.exposure.unwrap_or(exposure);
             let Some(file) = delivered.files.into_iter().next() else {
                 return Err(Trouble::Stop {
                     what: "the camera delivered no file".to_owned(),

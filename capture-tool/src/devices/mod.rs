@@ -2,9 +2,13 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`Camera`] | the trait that cameras, real or virtual, are driven through |
-//! | [`Trouble`] | what a device answers when it does not do what it was asked |
-//! | [`virtual_camera`] | a camera that photographs a virtual rig |
+//! | [`Trouble`], [`Finding`] | what a device answers when it does not do what it was asked; what was looked at before the start |
+//! | [`Camera`], [`cameras`] | libgphoto2, a watched folder, a virtual one |
+//! | [`Axes`], [`axes`] | turntable and arm: GRBL, or the operator's hand |
+//! | [`Lights`], [`lights`] | lamps: lines of text, ENTTEC DMX USB Pro, Art-Net, sACN |
+//! | [`Display`], [`displays`] | a screen or projector: X11 with confirmation, or a full-screen window |
+//! | [`Operator`], [`operator`] | who puts the ball in place when asked to |
+//! | [`port`] | serial ports |
 //! | [`rehearsal`] | bad days on purpose |
 
 use std::fmt;
@@ -15,8 +19,18 @@ use relume_core::image::Image;
 
 use crate::session::Exposure;
 
+pub mod axes;
+pub mod cameras;
+pub mod displays;
+pub mod lights;
+pub mod operator;
+pub mod port;
 pub mod rehearsal;
-pub mod virtual_camera;
+
+pub use axes::{Axes, Place};
+pub use displays::{Display, Texels};
+pub use lights::Lights;
+pub use operator::Operator;
 
 /// Why a device did not do what it was asked.
 #[derive(Debug)]
@@ -65,6 +79,13 @@ pub struct Finding {
     pub text: String,
 }
 
+impl Trouble {
+    /// A person has to do something.
+    pub fn stop(what: impl Into<String>, advice: impl Into<String>) -> Self {
+        Self::Stop { what: what.into(), advice: advice.into() }
+    }
+}
+
 impl Finding {
     /// All is well.
     pub fn fine(text: impl Into<String>) -> Self {
@@ -85,6 +106,8 @@ pub struct Delivered {
     /// A small picture of codes (0 to 1) for the contact sheet and the check of the exposure, where it is cheap to give; else
     /// the file is decoded.
     pub thumbnail: Option<Image>,
+    /// The exposure as the file itself says, where it does: it is believed before what the camera was asked for.
+    pub exposure: Option<Exposure>,
 }
 
 /// A camera. Calls block; while they wait they look at [`crate::progress::check`].
@@ -97,6 +120,13 @@ pub trait Camera {
     /// # Errors
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn set(&mut self, wanted: &Exposure) -> Result<Exposure, Trouble>;
+
+    /// The settings as they are now: somebody may have touched a dial since. `None` where the camera cannot say before its file
+    /// does.
+    ///
+    /// # Errors
+    /// As [`Camera::set`].
+    fn setting(&mut self) -> Result<Option<Exposure>, Trouble>;
 
     /// Opens the shutter; returns when it has closed.
     ///

@@ -1,9 +1,11 @@
 //! Rig files: what stands on set, in TOML. Every key is explained in `presets/rigs/virtual-stage.toml`.
 
-use relume_core::domain::Filter;
+use relume_core::domain::{Bits, Filter};
 use relume_core::math::Vec3;
+use relume_core::{Error, Result};
 use serde::{Deserialize, Serialize};
 
+use super::devices::{CameraDevice, Devices};
 use super::lamps::Lamps;
 
 /// The three rigs (design: stage 2.3, monitor 6.3, gantry 7.3).
@@ -42,8 +44,11 @@ pub struct RigFile {
     /// Of a gantry.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gantry: Option<GantryRig>,
+    /// Real devices; left out, all is virtual.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub devices: Option<Devices>,
     /// What virtual devices show.
-    #[serde(rename = "virtual")]
+    #[serde(rename = "virtual", default, skip_serializing_if = "Simulation::is_left_out")]
     pub simulation: Simulation,
 }
 
@@ -300,6 +305,64 @@ pub struct Simulation {
     pub ambient: f64,
     /// The sensor.
     pub sensor: SensorSettings,
+}
+
+impl Default for Simulation {
+    /// Of a rig of real devices that leaves the table out; `seed` is that of its patterns.
+    fn default() -> Self {
+        Self {
+            width: 640,
+            height: 480,
+            samples: sixteen(),
+            seed: one(),
+            scene: SceneChoice::Mixed,
+            irradiance: 800.0,
+            spread: 0.0,
+            drift: 0.0,
+            ambient: 0.0,
+            sensor: SensorSettings {
+                full_well_e: 30_000.0,
+                read_e: 6.0,
+                bits: 12,
+                dark: 0.0,
+                response: SensorResponseChoice::Linear,
+            },
+        }
+    }
+}
+
+impl Simulation {
+    /// Is it as if the table had been left out?
+    pub fn is_left_out(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl RigFile {
+    /// Is the light computed? So it is too where real lamps and axes are driven before a virtual camera.
+    pub fn is_virtual(&self) -> bool {
+        self.devices.as_ref().is_none_or(|devices| devices.camera == CameraDevice::Virtual)
+    }
+
+    /// Columns and rows of the patterns that the screen or projector shows.
+    ///
+    /// # Errors
+    /// A rig without either.
+    pub fn texels(&self) -> Result<(usize, usize)> {
+        match (&self.monitor, &self.gantry) {
+            (Some(monitor), _) => Ok((monitor.columns, monitor.rows)),
+            (None, Some(gantry)) => Ok((gantry.pixels(), gantry.pixels())),
+            (None, None) => Err(Error::invalid("rig", "no screen and no projector", "one")),
+        }
+    }
+
+    /// How deep the codes of its screen or projector are.
+    pub fn bits(&self) -> Bits {
+        match self.devices.as_ref().and_then(|devices| devices.screen.as_ref()).map(|screen| screen.look().bits) {
+            Some(10) => Bits::Ten,
+            _ => Bits::Eight,
+        }
+    }
 }
 
 /// Bodies before a virtual screen.

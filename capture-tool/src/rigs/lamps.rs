@@ -138,6 +138,16 @@ impl Lamps {
         if let Lamps::Arc { latitudes, .. } = self { *latitudes } else { self.count() }
     }
 
+    /// Where the turntable is at a stop, as the azimuth of the lamps over it; `None` of a fixed dome.
+    pub fn turned_deg(&self, stop: usize) -> Option<f64> {
+        match self {
+            Lamps::Arc { longitudes, first_deg, span_deg, .. } => {
+                Some(first_deg + span_deg * stop as f64 / *longitudes as f64)
+            }
+            _ => None,
+        }
+    }
+
     /// Which physical lamp lights as lamp j: on an arc the same one at every stop.
     pub fn bulb(&self, lamp: usize) -> usize {
         lamp % self.per_stop().max(1)
@@ -146,12 +156,11 @@ impl Lamps {
     /// Unit vectors from the object to the lamps, in order.
     pub fn directions(&self) -> Vec<Vec3> {
         match self {
-            Lamps::Arc { latitudes, longitudes, first_deg, span_deg } => {
+            Lamps::Arc { latitudes, longitudes, .. } => {
                 let at = |lamp: usize| {
                     let (stop, bulb) = (lamp / latitudes, lamp % latitudes);
                     let elevation = PI / 2.0 * (bulb as f64 + 0.5) / *latitudes as f64;
-                    let azimuth_deg = first_deg + span_deg * stop as f64 / *longitudes as f64;
-                    direction(elevation, azimuth_deg.to_radians())
+                    direction(elevation, self.turned_deg(stop).unwrap_or_default().to_radians())
                 };
                 (0..latitudes * longitudes).map(at).collect()
             }

@@ -5,7 +5,10 @@
 //! | [`Condition`] | what can be asked for |
 //! | [`RigFile`] | a rig as a file says it: `presets/rigs/*.toml`; `check` reads and refuses |
 //! | [`Lamps`] | where the lamps of a stage stand, and at which stop of the turntable each is lit |
+//! | [`Devices`] | which real devices a rig has: the `[devices]` table |
+//! | [`Shown`] | what a screen shows under a condition |
 //! | [`Rig`] | the trait that devices, real or virtual, are driven through |
+//! | [`real`] | real axes, lamps and screens, in the one order that is safe |
 //! | [`virtual_stage`] | a stage whose light is computed |
 //! | [`virtual_emitter`] | the same of a screen or a projector |
 //! | `cache` | where computed scenes are kept |
@@ -13,17 +16,22 @@
 mod cache;
 mod check;
 mod condition;
+mod devices;
 mod file;
 mod lamps;
+pub mod real;
+mod shown;
 pub mod virtual_emitter;
 pub mod virtual_stage;
 
 pub use condition::Condition;
+pub use devices::{AxesDevice, Axis, CameraDevice, Counts, Devices, LampsDevice, ScreenDevice, ScreenLook, Wiring};
 pub use file::{
     CameraRig, GantryRig, Kind, MonitorRig, PartsChoice, ResponseChoice, RigFile, SceneChoice, SensorResponseChoice,
     StageRig,
 };
 pub use lamps::Lamps;
+pub use shown::Shown;
 
 use crate::capture::Step;
 use crate::devices::{Finding, Trouble};

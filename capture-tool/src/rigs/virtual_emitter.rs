@@ -6,18 +6,16 @@
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError};
 
-use relume_core::domain::patterns::PatternSet;
-use relume_core::domain::{Bits, Emitter};
-use relume_core::image::{Encoding, Image, read};
+use relume_core::image::Image;
 use relume_core::simulate::{Camera, Gantry, Monitor, Progress, Quality, Rows, Scene, Screen};
 use relume_core::{Error, Result};
 
 use super::cache;
-use super::{Condition, GantryRig, MonitorRig, Rig, RigFile, SceneChoice};
+use super::{Condition, GantryRig, MonitorRig, Rig, RigFile, SceneChoice, Shown};
 use crate::capture::Step;
 use crate::capture::patterns::Sets;
+use crate::devices::cameras::virtual_camera::{View, Window};
 use crate::devices::rehearsal::Fault;
-use crate::devices::virtual_camera::{View, Window};
 use crate::devices::{Finding, Trouble};
 
 /// Light over other surfaces is kept square by square up to so many of them, 12 kB a pixel; beyond, by blocks, which a dual image would show as
@@ -32,10 +30,7 @@ pub struct VirtualEmitter {
     rig: RigFile,
     rows: Rows,
     display: Screen,
-    /// What the operator takes its curve for.
-    assumed: Emitter,
-    sets: Sets,
-    references: PathBuf,
+    shown: Shown,
     window: Window,
     faults: Vec<Fault>,
     emitted: u64,
@@ -58,68 +53,25 @@ impl VirtualEmitter {
     ) -> Result<Self> {
         let rows = traced(rig, bare, progress)?;
         let white = [rig.simulation.irradiance as f32; 3];
-        let (display, curve) = match (&rig.monitor, &rig.gantry) {
-            (Some(monitor), _) => (Screen { white, ..Screen::monitor() }, monitor.curve.curve()?),
-            (None, Some(gantry)) => (Screen { white, ..Screen::projector() }, gantry.curve.curve()?),
-            (None, None) => return Err(Error::invalid("rig", "no screen and no projector", "one")),
-        };
-        let assumed = Emitter::new(&curve, Bits::Eight);
+        let usual = if rig.monitor.is_some() { Screen::monitor() } else { Screen::projector() };
+        let display = Screen { white, ..usual };
+        let shown = Shown::new(rig, sets, references)?;
         let rig = rig.clone();
-        Ok(Self { rig, rows, display, assumed, sets, references, window, faults: faults.to_vec(), emitted: 0 })
-    }
-
-    /// The codes of a condition, one for each texel or square of one position.
-    fn codes(&self, condition: &Condition) -> Result<Vec<[u8; 3]>> {
-        let grids = self.rows.grids();
-        let all = |code: u8| vec![[code; 3]; grids.columns * grids.rows];
-        match condition {
-            Condition::Black { .. } => Ok(all(0)),
-            Condition::White { .. } => Ok(all(255)),
-            Condition::Pattern { set, number, .. } => {
-                let known = self.sets.get(set).filter(|s| *number < s.len());
-                let set = known.ok_or_else(|| Error::invalid("pattern", condition.to_string(), "one of the rig's"))?;
-                Ok(pattern_codes(set, *number, &self.assumed))
-            }
-            Condition::Picture(name) => self.picture(name),
-            other => Err(Error::invalid("virtual display", other.to_string(), "black, white, a pattern or a picture")),
-        }
-    }
-
-    /// A picture's codes as they stand in its file, at the display's size.
-    fn picture(&self, name: &str) -> Result<Vec<[u8; 3]>> {
-        let path = self.references.join(name);
-        let picture = read(&path, Encoding::Linear)?.into_rgb();
-        let grids = self.rows.grids();
-        let (w, h) = picture.size();
-        let code = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
-        let texel = |at: usize| {
-            let (x, y) = (at % grids.columns, at / grids.columns);
-            let pixel = picture.pixel((2 * x + 1) * w / (2 * grids.columns), (2 * y + 1) * h / (2 * grids.rows));
-            [code(pixel[0]), code(pixel[1]), code(pixel[2])]
-        };
-        Ok((0..grids.columns * grids.rows).map(texel).collect())
+        Ok(Self { rig, rows, display, shown, window, faults: faults.to_vec(), emitted: 0 })
     }
 
     fn light(&self, condition: &Condition) -> Result<Image> {
         let grids = self.rows.grids();
         let here = grids.columns * grids.rows;
-        let codes = self.codes(condition)?;
+        let shown = self.shown.texels(condition)?;
+        // The virtual display takes 8 bits; deeper codes are rounded.
+        let code = |code: u16| ((u32::from(code) * 255 + u32::from(shown.white) / 2) / u32::from(shown.white)) as u8;
+        let codes: Vec<[u8; 3]> = shown.codes.iter().map(|texel| texel.map(code)).collect();
         let first = condition.stop(1) * here;
         let mut emitted = vec![[0.0; 3]; grids.elements()];
         emitted[first..first + here].copy_from_slice(&self.display.emitted(codes.as_flattened()));
         self.rows.photograph(&emitted)
     }
-}
-
-/// Codes of a pattern; grey.
-fn pattern_codes(set: &PatternSet, number: usize, assumed: &Emitter) -> Vec<[u8; 3]> {
-    let pattern = set.pattern(number);
-    let codes = if set.is_codes() {
-        pattern.values.iter().map(|v| (v * 255.0).round() as u16).collect()
-    } else {
-        pattern.codes(assumed)
-    };
-    codes.into_iter().map(|code| [code.min(255) as u8; 3]).collect()
 }
 
 impl Rig for VirtualEmitter {

@@ -20,8 +20,8 @@ use relume_core::{Error, Result};
 use super::cache;
 use super::{Condition, Lamps, Rig, RigFile, StageRig};
 use crate::capture::Step;
+use crate::devices::cameras::virtual_camera::{View, Window};
 use crate::devices::rehearsal::Fault;
-use crate::devices::virtual_camera::{View, Window};
 use crate::devices::{Finding, Trouble};
 
 /// Radius of the white ball in scene units: most of the picture's height.

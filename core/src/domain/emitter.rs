@@ -115,6 +115,8 @@ pub enum Bits {
     /// What screens and projectors take.
     #[default]
     Eight,
+    /// Screens of deep colour.
+    Ten,
     /// For what takes more.
     Sixteen,
 }
@@ -124,6 +126,7 @@ impl Bits {
     pub fn largest(self) -> u16 {
         match self {
             Self::Eight => 255,
+            Self::Ten => 1023,
             Self::Sixteen => u16::MAX,
         }
     }
@@ -159,6 +162,11 @@ impl Emitter {
             n => n,
         };
         code as u16
+    }
+
+    /// The code of white, the largest.
+    pub fn white(&self) -> u16 {
+        (self.light.len() - 1) as u16
     }
 
     /// The light of a code, 0 to 1; codes beyond the largest emit as it does.

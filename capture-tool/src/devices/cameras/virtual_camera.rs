@@ -10,8 +10,8 @@ use relume_core::Error;
 use relume_core::image::{Image, encode_png16};
 use relume_core::simulate::{Codes, Sensor};
 
-use super::rehearsal::Fault;
-use super::{Camera, Delivered, Finding, Trouble};
+use crate::devices::rehearsal::Fault;
+use crate::devices::{Camera, Delivered, Finding, Trouble};
 use crate::session::Exposure;
 
 /// Columns or rows of a thumbnail, at most.
@@ -96,6 +96,10 @@ impl Camera for VirtualCamera {
         Ok(took)
     }
 
+    fn setting(&mut self) -> Result<Option<Exposure>, Trouble> {
+        Ok(self.setting)
+    }
+
     fn expose(&mut self) -> Result<(), Trouble> {
         self.answer()?;
         let nothing =
@@ -131,7 +135,7 @@ impl Camera for VirtualCamera {
                 std::thread::sleep(SLOW_PAUSE);
             }
         }
-        Ok(Delivered { files: vec![path.clone()], thumbnail: Some(thumbnail(&codes)) })
+        Ok(Delivered { files: vec![path.clone()], thumbnail: Some(thumbnail(&codes)), exposure: None })
     }
 }
 

@@ -1,12 +1,12 @@
 //! `relume capture`: a rig, a camera and an object -> a session folder.
 
+mod devices;
+
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use relume_core::Error;
-use relume_core::hdr::Noise;
-use relume_core::simulate::{Sensor, SensorResponse};
 
 use super::values;
 use crate::capture::explicit::Explicit;
@@ -15,20 +15,14 @@ use crate::capture::plan::Plan;
 use crate::capture::run::{End, Limits, Outcome, run};
 use crate::capture::{Listed, Sampler, Step, Times, scan};
 use crate::devices::rehearsal::Fault;
-use crate::devices::virtual_camera::{VirtualCamera, Window};
 use crate::devices::{Camera, Finding, Trouble};
 use crate::new_folder;
 use crate::pack::records::Records;
-use crate::progress::{Progress, Unit};
-use crate::rigs::virtual_emitter::{self, VirtualEmitter};
-use crate::rigs::virtual_stage::{self, VirtualStage};
-use crate::rigs::{Condition, Kind, Rig, RigFile, SensorResponseChoice};
+use crate::rigs::{Condition, Kind, Rig, RigFile, virtual_emitter, virtual_stage};
 use crate::session::{CaptureDescription, Description, Role, Session, Source};
 
 /// Steps from here on are pictures shown by `--reference`.
 const PICTURES: u64 = 1 << 32;
-/// The folder of those pictures in a session.
-const REFERENCES: &str = "references";
 
 const EXAMPLES: &str = "\
 Examples:
@@ -297,7 +291,10 @@ impl Arguments {
         let all = job.planned();
         let wanted = all.iter().filter(|step| !job.limits.only_calibration || step.is_calibration());
         let told = Plan::new(&job.rig, wanted);
-        let mut findings = vec![told.room(&self.session), virtual_scene(&job.rig, job.sampler)?];
+        let mut findings = vec![told.room(&self.session)];
+        if job.rig.is_virtual() {
+            findings.push(virtual_scene(&job.rig, job.sampler)?);
+        }
         if !self.resume {
             findings.extend(new_folder::check(&self.session).err().map(|error| Finding::missing(error.to_string())));
         }
@@ -314,17 +311,18 @@ impl Arguments {
             anyhow::bail!("{}; nothing was started", missing.text);
         }
         if let Some(truth) = &self.truth {
-            anyhow::ensure!(rig.stage.is_some(), "--truth: only a virtual stage has a field to compare with");
+            let known = rig.stage.is_some() && rig.is_virtual();
+            anyhow::ensure!(known, "--truth: only a virtual stage has a field to compare with");
             copy_whole(&virtual_stage::cached(rig)?, truth)?;
         }
         let mut session = self.session(job)?;
         if let Some((path, name)) = &job.picture {
-            let folder = self.session.join(REFERENCES);
+            let folder = self.session.join(devices::REFERENCES);
             std::fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
             copy_whole(path, &folder.join(name))?;
         }
         let mut sampler = self.sampler(job)?;
-        let ended = run(&mut session, rig, (&mut *emitter, &mut camera), &mut *sampler, &job.limits);
+        let ended = run(&mut session, rig, (&mut *emitter, &mut *camera), &mut *sampler, &job.limits);
         self.report(&session, job, &*sampler, ended)
     }
 
@@ -335,24 +333,15 @@ impl Arguments {
         })
     }
 
-    fn devices(&self, job: &Job) -> anyhow::Result<(Box<dyn Rig>, VirtualCamera)> {
-        let rig = &job.rig;
-        let window = Window::default();
-        let mut bar = Progress::new("tracing the virtual scene", Unit::Steps);
-        let mut progress = |done, all| bar.step(done, all);
-        let emitter: Box<dyn Rig> = match rig.kind {
-            Kind::Stage => {
-                let scanned = scan::count(&job.steps);
-                Box::new(VirtualStage::new(rig, scanned, window.clone(), &self.rehearse, &mut progress)?)
-            }
-            Kind::Monitor | Kind::Gantry => {
-                let references = self.session.join(REFERENCES);
-                let faults = &self.rehearse;
-                let (bare, sets) = (job.sampler == SamplerChoice::Bare, job.sets.clone());
-                Box::new(VirtualEmitter::new(rig, bare, sets, references, window.clone(), faults, &mut progress)?)
-            }
-        };
-        Ok((emitter, VirtualCamera::new(sensor(rig), window, &self.rehearse)))
+    fn devices(&self, job: &Job) -> anyhow::Result<(Box<dyn Rig>, Box<dyn Camera>)> {
+        devices::open(&devices::Wanted {
+            rig: &job.rig,
+            scanned: scan::count(&job.steps),
+            bare: job.sampler == SamplerChoice::Bare,
+            sets: &job.sets,
+            session: &self.session,
+            faults: &self.rehearse,
+        })
     }
 
     fn session(&self, job: &Job) -> anyhow::Result<Session> {
@@ -449,20 +438,6 @@ fn steps(rig: &RigFile, sampler: SamplerChoice) -> anyhow::Result<(Sets, Vec<Ste
     let sets = patterns::sets(rig, samples, rig.simulation.seed)?;
     let steps = patterns::steps(rig, &sets, samples);
     Ok((sets, steps))
-}
-
-/// The camera's sensor.
-fn sensor(rig: &RigFile) -> Sensor {
-    let settings = &rig.simulation.sensor;
-    Sensor {
-        noise: Noise { full_well_e: settings.full_well_e, read_e: settings.read_e },
-        bits: settings.bits,
-        dark: settings.dark,
-        response: match settings.response {
-            SensorResponseChoice::Linear => SensorResponse::Linear,
-            SensorResponseChoice::Film => SensorResponse::Film,
-        },
-    }
 }
 
 fn virtual_scene(rig: &RigFile, sampler: SamplerChoice) -> anyhow::Result<Finding> {
