@@ -15,6 +15,7 @@
 
 mod cache;
 mod check;
+mod check_devices;
 mod condition;
 mod devices;
 mod file;

@@ -3,13 +3,16 @@
 //! Motion complete -> settled -> lamp or pattern confirmed -> settled: only then does [`Rig::emit`] return, so that a photograph shows
 //! neither the condition before nor a table that still trembles.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use relume_core::math::Vec3;
 use relume_core::{Error, Result};
 
-use super::{Condition, Rig, RigFile, Shown};
+use super::{Condition, Rig, RigFile, Shown, StageRig};
 use crate::capture::Step;
-use crate::devices::{Axes, Display, Finding, Lights, Operator, Place, Trouble};
+use crate::capture::patterns::Sets;
+use crate::devices::{Axes, Display, Finding, Lights, Operator, Place, Trouble, axes, displays, lights};
 
 /// What stands in the object's place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,10 +35,71 @@ pub struct Parts {
     pub operator: Arc<dyn Operator>,
 }
 
+impl Parts {
+    /// Opens the devices of a rig file. `sets` are the patterns of its screen, `references` is where pictures to be shown lie.
+    ///
+    /// # Errors
+    /// A device that is not there or does not answer.
+    pub fn open(rig: &RigFile, sets: Sets, references: PathBuf, operator: &Arc<dyn Operator>) -> Result<Self, Trouble> {
+        let found = rig.devices.as_ref();
+        let axes = found.and_then(|found| found.axes.as_ref()).map(|axes| axes::open(axes, operator)).transpose()?;
+        let lamps = found.and_then(|found| found.lamps.as_ref());
+        let lights = lamps.map(|lamps| lights::open(lamps, rig.bulbs())).transpose()?;
+        let display = match found.and_then(|found| found.screen.as_ref()) {
+            None => None,
+            Some(screen) => Some((displays::open(screen, rig.texels()?)?, Shown::new(rig, sets, references)?)),
+        };
+        Ok(Self { axes, lights, display, operator: operator.clone() })
+    }
+
+    /// Looks at every device; moves nothing, lights nothing.
+    pub fn preflight(&mut self) -> Vec<Finding> {
+        let axes = self.axes.as_mut().map_or_else(Vec::new, |axes| axes.preflight());
+        let lights = self.lights.as_mut().map_or_else(Vec::new, |lights| lights.preflight());
+        let display = self.display.as_mut().map_or_else(Vec::new, |(display, _)| display.preflight());
+        axes.into_iter().chain(lights).chain(display).collect()
+    }
+
+    /// Lamps off, screen black, motors held. All devices are tried, whatever the others do.
+    ///
+    /// # Errors
+    /// The operator must switch off by hand.
+    pub fn dark(&mut self) -> Result<(), Trouble> {
+        let lights = self.lights.as_mut().map_or(Ok(()), |lights| lights.dark());
+        let display = self.display.as_mut().map_or(Ok(()), |(display, _)| display.dark());
+        let axes = self.axes.as_mut().map_or(Ok(()), |axes| axes.hold());
+        lights.and(display).and(axes)
+    }
+}
+
+impl RigFile {
+    /// Physical lamps of a stage.
+    pub fn bulbs(&self) -> usize {
+        self.stage.as_ref().map_or(0, |stage| stage.lamps.per_stop())
+    }
+
+    /// Where the axes have to be at each stop.
+    pub fn stations(&self) -> Vec<Place> {
+        let deg = |place: Vec3| Place {
+            turntable_deg: Some(place.x.atan2(place.z).to_degrees()),
+            arm_deg: Some(place.y.clamp(-1.0, 1.0).asin().to_degrees()),
+        };
+        match (&self.stage, &self.gantry) {
+            (Some(StageRig { lamps, .. }), _) => {
+                let place = |stop| Place { turntable_deg: lamps.turned_deg(stop), arm_deg: None };
+                (0..lamps.stops()).map(place).collect()
+            }
+            (None, Some(gantry)) => gantry.positions.directions().into_iter().map(deg).collect(),
+            (None, None) => Vec::new(),
+        }
+    }
+}
+
 /// The rig.
 pub struct RealRig {
     parts: Parts,
     rig: RigFile,
+    stations: Vec<Place>,
     target: Target,
     homed: bool,
 }
@@ -43,22 +107,7 @@ pub struct RealRig {
 impl RealRig {
     /// Of devices that answered.
     pub fn new(rig: &RigFile, parts: Parts) -> Self {
-        Self { parts, rig: rig.clone(), target: Target::Object, homed: false }
-    }
-
-    /// Where the axes have to be at a stop.
-    fn place(&self, stop: usize) -> Place {
-        match (&self.rig.stage, &self.rig.gantry) {
-            (Some(stage), _) => Place { turntable_deg: stage.lamps.turned_deg(stop), arm_deg: None },
-            (None, Some(gantry)) => {
-                let direction = gantry.positions.directions().get(stop).copied();
-                direction.map_or_else(Place::default, |d| Place {
-                    turntable_deg: Some(d.x.atan2(d.z).to_degrees()),
-                    arm_deg: Some(d.y.clamp(-1.0, 1.0).asin().to_degrees()),
-                })
-            }
-            (None, None) => Place::default(),
-        }
+        Self { parts, rig: rig.clone(), stations: rig.stations(), target: Target::Object, homed: false }
     }
 
     fn per_stop(&self) -> usize {
@@ -87,7 +136,7 @@ impl RealRig {
     }
 
     fn travel(&mut self, stop: usize) -> Result<(), Trouble> {
-        let to = self.place(stop);
+        let to = self.stations.get(stop).copied().unwrap_or_default();
         let Some(axes) = &mut self.parts.axes else { return Ok(()) };
         if to == Place::default() {
             return Ok(());
@@ -125,11 +174,7 @@ impl RealRig {
 
 impl Rig for RealRig {
     fn preflight(&mut self) -> Vec<Finding> {
-        let parts = &mut self.parts;
-        let axes = parts.axes.as_mut().map_or_else(Vec::new, |axes| axes.preflight());
-        let lights = parts.lights.as_mut().map_or_else(Vec::new, |lights| lights.preflight());
-        let display = parts.display.as_mut().map_or_else(Vec::new, |(display, _)| display.preflight());
-        axes.into_iter().chain(lights).chain(display).collect()
+        self.parts.preflight()
     }
 
     fn emit(&mut self, step: &Step) -> Result<(), Trouble> {
@@ -138,13 +183,8 @@ impl Rig for RealRig {
         self.light(&step.condition)
     }
 
-    /// All devices are tried, whatever the others do.
     fn dark(&mut self) -> Result<(), Trouble> {
-        let parts = &mut self.parts;
-        let lights = parts.lights.as_mut().map_or(Ok(()), |lights| lights.dark());
-        let display = parts.display.as_mut().map_or(Ok(()), |(display, _)| display.dark());
-        let axes = parts.axes.as_mut().map_or(Ok(()), |axes| axes.hold());
-        lights.and(display).and(axes)
+        self.parts.dark()
     }
 }
 

@@ -20,6 +20,7 @@ use crate::new_folder;
 use crate::pack::records::Records;
 use crate::rigs::{Condition, Kind, Rig, RigFile, virtual_emitter, virtual_stage};
 use crate::session::{CaptureDescription, Description, Role, Session, Source};
+use crate::watchdog::Watchdog;
 
 /// Steps from here on are pictures shown by `--reference`.
 const PICTURES: u64 = 1 << 32;
@@ -322,6 +323,7 @@ impl Arguments {
             copy_whole(path, &folder.join(name))?;
         }
         let mut sampler = self.sampler(job)?;
+        let _watchdog = Watchdog::start(rig)?;
         let ended = run(&mut session, rig, (&mut *emitter, &mut *camera), &mut *sampler, &job.limits);
         self.report(&session, job, &*sampler, ended)
     }
