@@ -163,6 +163,10 @@ impl Arguments {
 
     fn job(&self) -> anyhow::Result<Job> {
         let (rig, sampler) = self.rig_and_sampler()?;
+        anyhow::ensure!(
+            self.rehearse.is_empty() || rig.is_virtual(),
+            "--rehearse is for virtual devices; `relume rig simulate` rehearses with real drivers"
+        );
         let (mut sets, mut steps) = steps(&rig, sampler)?;
         if let Some(positions) = &self.brute_force {
             anyhow::ensure!(
@@ -239,17 +243,19 @@ impl Arguments {
         }
         let found = Description::read(&self.session)?;
         let place = self.session.display();
-        let Source::Capture(capture) = found.source else {
+        let Source::Capture(mut capture) = found.source else {
             anyhow::bail!("{place}: a session of imported photographs; `relume pack` makes a field of it");
         };
         if let Some(path) = &self.rig {
             let mut rig = RigFile::read(path)?;
-            // How far explicit sampling goes is no part of what the rig is.
+            // How far explicit sampling goes is no part of what the rig is; nor is the port that a board is plugged into today.
             if let (Some(asked), Some(begun)) = (&mut rig.monitor, &capture.rig.monitor) {
                 (asked.functions, asked.threshold) = (begun.functions, begun.threshold);
             }
+            let same_light = rig.same_light(&capture.rig);
+            capture.rig.devices = rig.devices.clone();
             anyhow::ensure!(
-                rig == capture.rig,
+                rig == capture.rig && same_light,
                 "{}: not the rig that {place} was begun with; leave it out to go on, or begin a new session",
                 path.display()
             );

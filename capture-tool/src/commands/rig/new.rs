@@ -44,7 +44,7 @@ impl Arguments {
         );
         let stdin = std::io::stdin();
         let shown = stdin.is_terminal();
-        let mut questions = Questions { answers: &mut stdin.lock(), asked: 0, shown };
+        let mut questions = Questions { answers: &mut stdin.lock(), screen: &mut std::io::stderr(), asked: 0, shown };
         let text = questions.rig()?;
         RigFile::parse(&text, &self.file)?;
         write_whole(&self.file, |out| {
@@ -58,6 +58,7 @@ impl Arguments {
 /// Questions that were asked, and where answers come from.
 struct Questions<'a> {
     answers: &'a mut dyn BufRead,
+    screen: &'a mut dyn std::io::Write,
     asked: usize,
     /// A person reads along: a wrong answer is asked for again.
     shown: bool,
@@ -78,7 +79,7 @@ impl Questions<'_> {
         for _ in 0..PATIENCE {
             progress::check()?;
             let brackets = if usual.is_empty() { String::new() } else { format!(" [{usual}]") };
-            let _ = write!(std::io::stderr().lock(), "{question}{brackets}: ");
+            let _ = write!(self.screen, "{question}{brackets}: ").and_then(|()| self.screen.flush());
             self.asked += 1;
             let mut line = String::new();
             let read = self.answers.read_line(&mut line).map_err(|source| Error::io("read", "the answers", source))?;
@@ -90,7 +91,7 @@ impl Questions<'_> {
             match accept(answer) {
                 Ok(value) => return Ok(value),
                 Err(wrong) => {
-                    crate::complain(&format!("  {answer}: {wrong}"));
+                    let _ = writeln!(self.screen, "  {answer}: {wrong}");
                     said = wrong;
                 }
             }
@@ -323,7 +324,8 @@ mod tests {
     use super::*;
 
     fn written(answers: &str) -> Result<String> {
-        Questions { answers: &mut answers.as_bytes(), asked: 0, shown: false }.rig()
+        let mut screen = Vec::new();
+        Questions { answers: &mut answers.as_bytes(), screen: &mut screen, asked: 0, shown: false }.rig()
     }
 
     #[test]
@@ -335,7 +337,7 @@ mod tests {
             (format!("\nstage\n\n4\n8\n\n/dev/ttyACM0\nno\n0.5\ntext\n{}", enter(20)), "on = \"<{lamp},1>\""),
             (format!("\nstage\n\n4\n8\n\n\n\n\nart-net\n{}", enter(20)), "host = \"10.0.0.20\""),
             (format!("\nmonitor\n{}", enter(20)), "[devices.screen]"),
-            (format!("\nmonitor\n{}folder\nin \\ out\nwindow\n{}", enter(11), enter(3)), "driver = \"window\""),
+            (format!("\nmonitor\n{}window\n{}folder\nin \\ out\n", enter(4), enter(6)), "driver = \"folder\""),
             (format!("\ngantry\n{}", enter(30)), "arm = { letter"),
         ] {
             let text = written(&answers).unwrap_or_else(|error| panic!("{answers:?}: {error}"));
