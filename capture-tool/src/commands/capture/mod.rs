@@ -302,6 +302,9 @@ impl Arguments {
         if job.rig.is_virtual() {
             findings.push(virtual_scene(&job.rig, job.sampler)?);
         }
+        if job.rig.devices.is_some() {
+            findings.push(Finding::fine("devices: not asked by a plan; `relume rig check` tries them"));
+        }
         if !self.resume {
             findings.extend(new_folder::check(&self.session).err().map(|error| Finding::missing(error.to_string())));
         }
