@@ -88,6 +88,7 @@ impl Set<'_> {
             let thumbnail = delivered.thumbnail.map(Arc::new);
             shots.push(Shot { file, beside: files.collect(), exposure, thumbnail });
         }
+        self.patiently(|set| set.rig.confirm())?;
         Ok(shots)
     }
 

@@ -183,6 +183,15 @@ impl Rig for RealRig {
         self.light(&step.condition)
     }
 
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        let parts = &mut self.parts;
+        if self.homed {
+            parts.axes.as_mut().map_or(Ok(()), |axes| axes.confirm())?;
+        }
+        parts.lights.as_mut().map_or(Ok(()), |lights| lights.confirm())?;
+        parts.display.as_mut().map_or(Ok(()), |(display, _)| display.confirm())
+    }
+
     fn dark(&mut self) -> Result<(), Trouble> {
         self.parts.dark()
     }
@@ -204,6 +213,10 @@ impl Rig for Rehearsed {
     fn emit(&mut self, step: &Step) -> Result<(), Trouble> {
         self.real.emit(step)?;
         self.virtual_rig.emit(step)
+    }
+
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        self.real.confirm()
     }
 
     fn dark(&mut self) -> Result<(), Trouble> {

@@ -28,6 +28,14 @@ pub trait Display {
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn show(&mut self, texels: &Texels) -> Result<(), Trouble>;
 
+    /// Is the last picture still there, nothing before it, the gamma table as it was?
+    ///
+    /// # Errors
+    /// As [`Display::show`]; that it is not.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
+
     /// All black.
     ///
     /// # Errors
