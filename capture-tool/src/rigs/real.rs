@@ -23,6 +23,18 @@ enum Target {
     Chart,
 }
 
+impl Target {
+    /// What a condition wants there.
+    fn of(condition: &Condition) -> Self {
+        match condition {
+            Condition::WhiteBall(_) => Self::WhiteBall,
+            Condition::FlatField(_) => Self::WhiteCard,
+            Condition::Chart => Self::Chart,
+            _ => Self::Object,
+        }
+    }
+}
+
 /// The devices of a rig; those that it does not have are absent.
 pub struct Parts {
     /// Turntable and arm.
@@ -105,9 +117,10 @@ pub struct RealRig {
 }
 
 impl RealRig {
-    /// Of devices that answered.
-    pub fn new(rig: &RigFile, parts: Parts) -> Self {
-        Self { parts, rig: rig.clone(), stations: rig.stations(), target: Target::Object, homed: false }
+    /// Of devices that answered. `last` is what was photographed last, if anything: a ball may still stand where the object belongs.
+    pub fn new(rig: &RigFile, parts: Parts, last: Option<&Condition>) -> Self {
+        let target = last.map_or(Target::Object, Target::of);
+        Self { parts, rig: rig.clone(), stations: rig.stations(), target, homed: false }
     }
 
     fn per_stop(&self) -> usize {
@@ -116,12 +129,7 @@ impl RealRig {
 
     /// Asks the operator for what a condition wants in the object's place.
     fn put_in_place(&mut self, condition: &Condition) -> Result<(), Trouble> {
-        let wanted = match condition {
-            Condition::WhiteBall(_) => Target::WhiteBall,
-            Condition::FlatField(_) => Target::WhiteCard,
-            Condition::Chart => Target::Chart,
-            _ => Target::Object,
-        };
+        let wanted = Target::of(condition);
         if wanted == self.target {
             return Ok(());
         }
@@ -222,5 +230,136 @@ impl Rig for Rehearsed {
     fn dark(&mut self) -> Result<(), Trouble> {
         let real = self.real.dark();
         real.and(self.virtual_rig.dark())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Mutex;
+
+    use super::*;
+    use crate::capture::Times;
+    use crate::devices::operator::Willing;
+    use crate::session::Role;
+
+    type Diary = Arc<Mutex<Vec<String>>>;
+
+    /// Writes down what it is asked, and is broken if asked to be.
+    struct Recorder {
+        diary: Diary,
+        broken: bool,
+    }
+
+    impl Recorder {
+        fn note(&self, what: String) -> Result<(), Trouble> {
+            self.diary.lock().unwrap().push(what);
+            if self.broken { Err(Trouble::stop("broken", "mend it")) } else { Ok(()) }
+        }
+    }
+
+    impl Axes for Recorder {
+        fn preflight(&mut self) -> Vec<Finding> {
+            Vec::new()
+        }
+
+        fn home(&mut self) -> Result<(), Trouble> {
+            self.note("home".to_owned())
+        }
+
+        fn go(&mut self, to: Place) -> Result<(), Trouble> {
+            self.note(format!("go {:?}", to.turntable_deg))
+        }
+
+        fn place(&mut self) -> Result<Place, Trouble> {
+            Ok(Place::default())
+        }
+
+        fn hold(&mut self) -> Result<(), Trouble> {
+            self.note("hold".to_owned())
+        }
+    }
+
+    impl Lights for Recorder {
+        fn preflight(&mut self) -> Vec<Finding> {
+            Vec::new()
+        }
+
+        fn show(&mut self, levels: &[u8]) -> Result<(), Trouble> {
+            self.note(format!("show {levels:?}"))
+        }
+
+        fn dark(&mut self) -> Result<(), Trouble> {
+            self.note("dark".to_owned())
+        }
+    }
+
+    const RIG: &str = r#"
+version = 1
+name = "Stage"
+kind = "stage"
+[camera]
+limits_s = [0.001, 30.0]
+[stage.lamps]
+layout = "arc"
+latitudes = 2
+longitudes = 4
+"#;
+
+    fn rig(last: Option<&Condition>, broken: bool) -> (RealRig, Diary, Arc<Willing>) {
+        let (diary, operator) = (Diary::default(), Arc::new(Willing::default()));
+        let file = RigFile::parse(RIG, std::path::Path::new("rig.toml")).unwrap();
+        let recorder = || Recorder { diary: diary.clone(), broken };
+        let parts = Parts {
+            axes: Some(Box::new(recorder())),
+            lights: Some(Box::new(recorder())),
+            display: None,
+            operator: operator.clone(),
+        };
+        (RealRig::new(&file, parts, last), diary, operator)
+    }
+
+    fn step(condition: Condition) -> Step {
+        Step { index: 0, condition, role: Role::Sample, times: Times::Fixed(vec![1.0]), scanned: 0 }
+    }
+
+    #[test]
+    fn axes_arrive_before_lamps_are_lit() {
+        let (mut rig, diary, operator) = rig(None, false);
+        rig.emit(&step(Condition::Lamp(5))).unwrap();
+        rig.emit(&step(Condition::AllLamps { stop: 3 })).unwrap();
+        rig.emit(&step(Condition::Black { stop: 3 })).unwrap();
+        let wanted = [
+            "home",
+            "go Some(180.0)",
+            "show [0, 255]",
+            "go Some(270.0)",
+            "show [255, 255]",
+            "go Some(270.0)",
+            "show [0, 0]",
+        ];
+        assert_eq!(*diary.lock().unwrap(), wanted);
+        assert!(operator.asked.lock().unwrap().is_empty());
+    }
+
+    #[test]
+    fn targets_are_put_in_place_once_and_taken_away_again() {
+        let (mut there, _, operator) = rig(None, false);
+        for condition in [Condition::WhiteBall(0), Condition::WhiteBall(1), Condition::Chart, Condition::Lamp(0)] {
+            there.emit(&step(condition)).unwrap();
+        }
+        let asked = operator.asked.lock().unwrap().clone();
+        assert_eq!(asked.len(), 3, "{asked:?}");
+        assert!(asked[0].contains("white ball") && asked[1].contains("chart") && asked[2].contains("object back"));
+        // A resumed session whose last photograph was of the ball: it still stands there.
+        let (mut resumed, _, operator) = rig(Some(&Condition::WhiteBall(1)), false);
+        resumed.emit(&step(Condition::Lamp(0))).unwrap();
+        assert_eq!(operator.asked.lock().unwrap().len(), 1);
+    }
+
+    #[test]
+    fn every_device_is_switched_off_though_one_is_broken() {
+        let (mut rig, diary, _) = rig(None, true);
+        assert!(rig.dark().is_err());
+        assert_eq!(*diary.lock().unwrap(), ["dark", "hold"]);
     }
 }

@@ -16,6 +16,7 @@ use crate::rigs::real::{Parts, RealRig, Rehearsed};
 use crate::rigs::virtual_emitter::VirtualEmitter;
 use crate::rigs::virtual_stage::VirtualStage;
 use crate::rigs::{Kind, Rig, RigFile, SensorResponseChoice};
+use crate::session::{Journal, photographs};
 
 /// The folder of a session with the pictures that `--reference` shows.
 pub const REFERENCES: &str = "references";
@@ -45,12 +46,18 @@ pub fn open(wanted: &Wanted<'_>) -> anyhow::Result<(Box<dyn Rig>, Box<dyn Camera
     let Some(found) = &rig.devices else { return virtual_devices(wanted) };
     let operator: Arc<dyn Operator> = Arc::new(AtTerminal);
     let parts = Parts::open(rig, wanted.sets.clone(), wanted.session.join(REFERENCES), &operator)?;
-    let real = RealRig::new(rig, parts);
+    let lines = if is_begun(wanted.session) { Journal::read(wanted.session)? } else { Vec::new() };
+    let last = photographs(&lines).last().map(|photograph| &photograph.condition);
+    let real = RealRig::new(rig, parts, last);
     if rig.is_virtual() {
         let (virtual_rig, camera) = virtual_devices(wanted)?;
         return Ok((Box::new(Rehearsed { real, virtual_rig }), camera));
     }
     Ok((Box::new(real), cameras::open(&found.camera, wanted.session, &operator)?))
+}
+
+fn is_begun(session: &Path) -> bool {
+    session.join("session.toml").is_file()
 }
 
 fn virtual_devices(wanted: &Wanted<'_>) -> anyhow::Result<(Box<dyn Rig>, Box<dyn Camera>)> {
