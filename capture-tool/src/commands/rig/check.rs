@@ -1,6 +1,7 @@
 //! `relume rig check`: every device of a rig, tried once.
 
 use std::fmt::Write;
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -47,9 +48,12 @@ pub struct Arguments {
     /// Exposure of the photographs: 1/60 or 0.5, seconds [default: the rig file's first, or the middle of its limits].
     #[arg(long, value_name = "TIME", value_parser = values::exposure_time)]
     time: Option<f64>,
-    /// Keep the photograph with all lamps here.
+    /// Keep the photograph with all light here [default: in the system's folder for temporary files].
     #[arg(long, value_name = "FILE")]
     photograph: Option<PathBuf>,
+    /// Do not open the photograph with the system's viewer.
+    #[arg(long)]
+    no_show: bool,
     /// Photograph every lamp, and name those that the camera does not see.
     #[arg(long)]
     each_lamp: bool,
@@ -251,8 +255,8 @@ impl Bench<'_> {
         let dark = emit(self, None).and_then(|()| take(camera, folder.path(), "dark"));
         let dark = self.seen("photograph without light", dark)?;
         let lit = emit(self, Some(None)).and_then(|()| take(camera, folder.path(), "lit"));
-        if let (Some(target), Ok((file, _))) = (&self.flags.photograph, &lit) {
-            std::fs::copy(file, target).map_err(|source| relume_core::Error::io("write", target, source))?;
+        if let Ok((file, _)) = &lit {
+            self.show(file)?;
         }
         let lit = self.seen("photograph with all light", lit)?;
         if let (Some(dark), Some(lit)) = (dark, lit) {
@@ -273,6 +277,21 @@ impl Bench<'_> {
                 self.row(&format!("lamp {}", lamp + 1), verdict)?;
             }
         }
+        Ok(())
+    }
+
+    /// Keeps a photograph, and opens it where somebody sits before a terminal.
+    fn show(&mut self, file: &Path) -> anyhow::Result<()> {
+        let usual = || {
+            let extension = file.extension().unwrap_or_default();
+            std::env::temp_dir().join("relume-check").with_extension(extension)
+        };
+        let kept = self.flags.photograph.clone().unwrap_or_else(usual);
+        std::fs::copy(file, &kept).map_err(|source| relume_core::Error::io("write", &kept, source))?;
+        let watched = std::io::stdout().is_terminal() && !self.flags.no_show;
+        let opened = watched && open::that_detached(&kept).is_ok();
+        let said = format!("{}{}", kept.display(), if opened { ", opened" } else { "" });
+        self.rows.push(Row { what: "photograph kept".to_owned(), result: Ok(said) });
         Ok(())
     }
 
