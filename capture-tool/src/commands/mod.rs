@@ -23,6 +23,7 @@ mod pack;
 mod patterns;
 mod probe;
 mod relight;
+mod rig;
 mod surface;
 #[cfg(test)]
 mod testing;
@@ -38,6 +39,9 @@ pub enum Command {
     Demo(demo::Arguments),
     /// Photograph an object on a rig: every condition that a field needs, into a session that nothing is lost from.
     Capture(capture::Arguments),
+    /// Look after rigs: rehearse with boards that are not there.
+    #[command(subcommand)]
+    Rig(rig::Action),
     /// Make a field of a session: merge, calibrate, correct, check.
     Pack(pack::Arguments),
     /// Join parts of a field that were solved apart (`pack --tiles`).
@@ -95,6 +99,7 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Capture(arguments) => arguments.run(),
+            Command::Rig(action) => action.run(),
             Command::Pack(arguments) => arguments.run(),
             Command::Merge(arguments) => arguments.run(),
             Command::Dual(arguments) => arguments.run(),
