@@ -105,8 +105,8 @@ fn lamps_are_lit_through_noise() {
     for kind in kinds {
         for after in 0..4 {
             let (dmx_world, text_world) = (World::default(), World::default());
-            let (widget, dmx) = dmx_of(&dmx_world, vec![(after, kind), (after + 4, kind)]);
-            let (board, text) = text_of(&text_world, templates(false, Some("OK")), vec![(after, kind), (after + 4, kind)]);
+            let (widget, dmx) = dmx_of(&dmx_world, vec![(after, kind), (after + 1, kind)]);
+            let (board, text) = text_of(&text_world, templates(false, Some("OK")), vec![(after, kind), (after + 1, kind)]);
             let mut of_dmx = lights::open(&dmx, 3).unwrap();
             let mut of_text = lights::open(&text, 3).unwrap();
             for levels in SHOWN {

@@ -300,6 +300,10 @@ impl Board {
 
     /// Stops motion at once, and says whether the board then rests.
     pub fn hold(&mut self) -> Result<bool, Upset> {
+        // A board at rest would be held as well, and then want to be released.
+        if matches!(self.status(), Ok(Status { state: State::Idle | State::Alarm, .. })) {
+            return Ok(true);
+        }
         self.port.send(b"!")?;
         let end = Instant::now() + (4 * self.reply).max(Duration::from_secs(2));
         while Instant::now() < end {

@@ -183,13 +183,17 @@ impl Grbl {
 
     fn read_settings(&mut self) -> Result<HashMap<u32, f64>, Upset> {
         // A restart is no accident yet.
+        let state = match self.board.status() {
+            Err(Upset::Restarted) => self.board.status()?.state,
+            other => other?.state,
+        };
+        // Held, or in motion, it takes no lines: what is still queued from an earlier run is stopped and forgotten.
+        if !matches!(state, State::Idle | State::Alarm) {
+            self.board.hold()?;
+            self.board.reset()?;
+        }
         let heard = match self.board.command("$$", Patience::Reply) {
             Err(Upset::Restarted) => self.board.command("$$", Patience::Reply)?,
-            // In motion or held it tells no settings: what is still queued from an earlier run is forgotten.
-            Err(Upset::Refused(8)) => {
-                self.board.reset()?;
-                self.board.command("$$", Patience::Reply)?
-            }
             other => other?,
         };
         let settings: HashMap<u32, f64> =
