@@ -43,7 +43,7 @@ pub enum Command {
     Capture(capture::Arguments),
     /// List the cameras, serial ports and screens that are connected, and what they can do.
     Devices(devices::Arguments),
-    /// Check a rig, write a rig file, put lamps out.
+    /// Check a rig, write a rig file, put lamps out, rehearse with boards that are not there.
     #[command(subcommand)]
     Rig(rig::Task),
     /// Move a turntable or an arm, or ask where it is.
