@@ -15,6 +15,7 @@ mod projection;
 mod rigs;
 mod session;
 mod sheet;
+mod watchdog;
 
 use std::io::Write;
 use std::process::ExitCode;

@@ -5,6 +5,8 @@ mod cli;
 mod cli_sets;
 mod compact;
 mod compression;
+#[cfg(unix)]
+mod devices;
 mod dual;
 mod evaluate;
 mod exchange;
@@ -25,3 +27,5 @@ mod plugin;
 mod probe;
 mod relight_effect;
 mod screen;
+#[cfg(unix)]
+mod simulated;

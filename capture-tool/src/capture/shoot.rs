@@ -35,6 +35,8 @@ pub struct Set<'a> {
 pub struct Shot {
     /// The file that counts.
     pub file: PathBuf,
+    /// Others of the same exposure.
+    pub beside: Vec<PathBuf>,
     /// As read back.
     pub exposure: Exposure,
     /// Codes, small.
@@ -76,14 +78,17 @@ impl Set<'_> {
                 }
             }
             let exposure = delivered.exposure.unwrap_or(exposure);
-            let Some(file) = delivered.files.into_iter().next() else {
-                return Err(Trouble::Stop {
-                    what: "the camera delivered no file".to_owned(),
-                    advice: "check that it stores pictures and that its card has room".to_owned(),
-                });
+            let mut files = delivered.files.into_iter();
+            let Some(file) = files.next() else {
+                return Err(Trouble::stop(
+                    "the camera delivered no file",
+                    "check that it stores pictures and that its card has room",
+                ));
             };
-            shots.push(Shot { file, exposure, thumbnail: delivered.thumbnail.map(Arc::new) });
+            let thumbnail = delivered.thumbnail.map(Arc::new);
+            shots.push(Shot { file, beside: files.collect(), exposure, thumbnail });
         }
+        self.patiently(|set| set.rig.confirm())?;
         Ok(shots)
     }
 

@@ -15,6 +15,7 @@
 
 mod cache;
 mod check;
+mod check_devices;
 mod condition;
 mod devices;
 mod file;
@@ -47,6 +48,15 @@ pub trait Rig {
     /// # Errors
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn emit(&mut self, step: &Step) -> Result<(), Trouble>;
+
+    /// Is what was emitted still there, now that it has been exposed? A board that restarted meanwhile, a table that was pushed or a window
+    /// before the screen spoil a photograph, which is then not kept.
+    ///
+    /// # Errors
+    /// As [`Rig::emit`].
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
 
     /// Lamps off or screen black, motors held. Called at the end, however it comes about.
     ///

@@ -31,6 +31,14 @@ pub trait Axes {
     /// As [`Axes::home`]; a place outside the limits.
     fn go(&mut self, to: Place) -> Result<(), Trouble>;
 
+    /// Have they stayed where [`Axes::go`] brought them, the board never restarted since?
+    ///
+    /// # Errors
+    /// As [`Axes::home`]; that they have not.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
+
     /// Where they are.
     ///
     /// # Errors

@@ -15,6 +15,14 @@ pub trait Lights {
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn show(&mut self, levels: &[u8]) -> Result<(), Trouble>;
 
+    /// Does the device still show what it was last told, as far as it can say?
+    ///
+    /// # Errors
+    /// As [`Lights::show`]; that it does not.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
+
     /// All lamps off, of every channel. Tries hard: also after an error, also when the port has to be opened again.
     ///
     /// # Errors
