@@ -30,8 +30,6 @@ pub mod run;
 pub mod scan;
 mod shoot;
 
-pub use shoot::seconds;
-
 use relume_core::Result;
 pub use shoot::{seconds, words};
 
