@@ -30,9 +30,8 @@ pub mod run;
 pub mod scan;
 mod shoot;
 
-pub use shoot::seconds;
-
 use relume_core::Result;
+pub use shoot::{seconds, words};
 
 use crate::rigs::Condition;
 use crate::session::{Photograph, Role};

@@ -136,7 +136,8 @@ fn same(wanted: &Exposure, took: &Exposure) -> bool {
     close(wanted.time_s, took.time_s) && known(wanted.iso, took.iso) && known(wanted.f_number, took.f_number)
 }
 
-fn words(exposure: &Exposure) -> String {
+/// As in "1/60 s, ISO 100, f/8".
+pub fn words(exposure: &Exposure) -> String {
     let mut text = seconds(exposure.time_s);
     if let Some(iso) = exposure.iso {
         text += &format!(", ISO {iso}");

@@ -148,10 +148,7 @@ impl Display for OnPanel {
 
     fn show(&mut self, texels: &Texels) -> Result<(), Trouble> {
         if (texels.columns, texels.rows) != self.layout.texels {
-            let what = format!(
-                "{} x {} texels for a screen of {:?}",
-                texels.columns, texels.rows, self.layout.texels
-            );
+            let what = format!("{} x {} texels for a screen of {:?}", texels.columns, texels.rows, self.layout.texels);
             return Err(Trouble::stop(what, "this is a mistake in relume"));
         }
         self.lit = true;
@@ -254,7 +251,8 @@ mod tests {
         let chosen = |wanted| choose(&names, wanted, "the server");
         assert_eq!(chosen(Some("DP-1")).unwrap(), 0, "the name itself, though it is a part of another");
         assert_eq!(chosen(Some("hdmi")).unwrap(), 1);
-        for (wanted, words) in [(None, "3 outputs"), (Some("DP"), "several"), (Some("VGA"), "no output called \"VGA\"")] {
+        for (wanted, words) in [(None, "3 outputs"), (Some("DP"), "several"), (Some("VGA"), "no output called \"VGA\"")]
+        {
             let said = chosen(wanted).unwrap_err().to_string();
             assert!(said.contains(words) && said.contains("\"HDMI-1\"") == (wanted != Some("DP")), "{said}");
         }

@@ -29,8 +29,7 @@ pub fn focus(size: (usize, usize), white: u16) -> Texels {
     }
     // Between the stars: along the sides, and beside the middle.
     let block = (shorter / 7 / 12 * 12).max(12);
-    let places =
-        [(middle.0, edge), (middle.0, height - edge), (edge, middle.1), (width - edge, middle.1)];
+    let places = [(middle.0, edge), (middle.0, height - edge), (edge, middle.1), (width - edge, middle.1)];
     for place in places {
         lines(&mut sheet, place, block);
     }
@@ -111,7 +110,10 @@ mod tests {
                 let codes: Vec<u16> = (0..each).map(code).collect();
                 codes.chunk_by(|a, b| a == b).map(<[u16]>::len).collect::<Vec<_>>()
             };
-            assert!(lengths(&|d| at(from + d, top + 3)).iter().all(|length| *length as i64 == width), "upright {width}");
+            assert!(
+                lengths(&|d| at(from + d, top + 3)).iter().all(|length| *length as i64 == width),
+                "upright {width}"
+            );
             assert!(lengths(&|d| at(from + 3, top + each + d)).iter().all(|length| *length as i64 == width), "{width}");
         }
         assert_ne!(at(left + 3 * each, top), at(left + 3 * each + 1, top), "single pixels");

@@ -101,7 +101,8 @@ impl Output {
             crtc: info.crtc,
             place: Place { x: crtc.x, y: crtc.y, width: crtc.width, height: crtc.height },
             refresh_hz: mode.and_then(|mode| {
-                let lines = f64::from(mode.vtotal) * if mode.mode_flags.contains(ModeFlag::DOUBLE_SCAN) { 2.0 } else { 1.0 };
+                let lines =
+                    f64::from(mode.vtotal) * if mode.mode_flags.contains(ModeFlag::DOUBLE_SCAN) { 2.0 } else { 1.0 };
                 let pixels = f64::from(mode.htotal) * lines;
                 (mode.dot_clock > 0 && pixels > 0.0).then(|| f64::from(mode.dot_clock) / pixels)
             }),

@@ -129,7 +129,8 @@ fn seen(link: &Link, place: Place) -> Vec<[u16; 3]> {
 /// What texels are on an output.
 fn laid(texels: &Texels, layout: &Layout) -> Vec<[u16; 3]> {
     let (width, height) = layout.output;
-    let pixel = |at: usize| layout.texel(at % width, at / width).map_or([0; 3], |(x, y)| texels.codes[y * texels.columns + x]);
+    let pixel =
+        |at: usize| layout.texel(at % width, at / width).map_or([0; 3], |(x, y)| texels.codes[y * texels.columns + x]);
     (0..width * height).map(pixel).collect()
 }
 
@@ -279,7 +280,8 @@ fn what_a_server_lacks_is_said() {
     assert!(said.contains("\"HDMI\"") && said.contains("\"screen\""), "{said}");
     let said = X11Panel::open(Some(":9999"), &look()).map(|_| ()).unwrap_err().to_string();
     assert!(said.contains(":9999") && said.contains("cannot be reached"), "{said}");
-    let too_many = OnPanel::new(Box::new(server.panel(&look())), &look(), (128, 256)).map(|_| ()).unwrap_err().to_string();
+    let too_many =
+        OnPanel::new(Box::new(server.panel(&look())), &look(), (128, 256)).map(|_| ()).unwrap_err().to_string();
     assert!(too_many.contains("320 x 200") && too_many.contains("128 x 256"), "{too_many}");
 }
 
