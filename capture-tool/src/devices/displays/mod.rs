@@ -140,10 +140,7 @@ impl Display for OnPanel {
 
     fn show(&mut self, texels: &Texels) -> Result<(), Trouble> {
         if (texels.columns, texels.rows) != self.layout.texels {
-            let what = format!(
-                "{} x {} texels for a screen of {:?}",
-                texels.columns, texels.rows, self.layout.texels
-            );
+            let what = format!("{} x {} texels for a screen of {:?}", texels.columns, texels.rows, self.layout.texels);
             return Err(Trouble::stop(what, "this is a mistake in relume"));
         }
         self.lit = true;
@@ -205,7 +202,8 @@ fn closed() -> Trouble {
 /// # Errors
 /// None, or several: with their names.
 fn choose(names: &[String], wanted: Option<&str>, place: &str) -> Result<usize, Trouble> {
-    let all = || names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    let quoted = |names: &[&String]| names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    let all = || quoted(&names.iter().collect::<Vec<_>>());
     if names.is_empty() {
         return Err(Trouble::stop(format!("{place} has no output that is lit"), "connect the screen and switch it on"));
     }
@@ -230,7 +228,10 @@ fn choose(names: &[String], wanted: Option<&str>, place: &str) -> Result<usize, 
             "name one of these; if the screen is missing, connect it and switch it on",
         )),
         _ => Err(Trouble::stop(
-            format!("several outputs are called like \"{wanted}\": {}", all()),
+            format!(
+                "several outputs are called like \"{wanted}\": {}",
+                quoted(&found.iter().map(|n| &names[*n]).collect::<Vec<_>>())
+            ),
             "give more of the name",
         )),
     }
@@ -246,7 +247,8 @@ mod tests {
         let chosen = |wanted| choose(&names, wanted, "the server");
         assert_eq!(chosen(Some("DP-1")).unwrap(), 0, "the name itself, though it is a part of another");
         assert_eq!(chosen(Some("hdmi")).unwrap(), 1);
-        for (wanted, words) in [(None, "3 outputs"), (Some("DP"), "several"), (Some("VGA"), "no output called \"VGA\"")] {
+        for (wanted, words) in [(None, "3 outputs"), (Some("DP"), "several"), (Some("VGA"), "no output called \"VGA\"")]
+        {
             let said = chosen(wanted).unwrap_err().to_string();
             assert!(said.contains(words) && said.contains("\"HDMI-1\"") == (wanted != Some("DP")), "{said}");
         }

@@ -104,9 +104,8 @@ mod tests {
     fn words_of_the_servers_that_there_are() {
         let little = PixelFormat { big_endian: false, ..PixelFormat::XRGB };
         let one = Texels { columns: 1, rows: 1, white: 255, codes: vec![[1, 2, 3]] };
-        let pixel = |format: PixelFormat, texels: &Texels| {
-            format.pack(texels, &Layout::new("", (1, 1), (1, 1), None).unwrap())
-        };
+        let pixel =
+            |format: PixelFormat, texels: &Texels| format.pack(texels, &Layout::new("", (1, 1), (1, 1), None).unwrap());
         assert_eq!(pixel(little, &one), [3, 2, 1, 0]);
         assert_eq!(pixel(PixelFormat { big_endian: true, ..little }, &one), [0, 1, 2, 3]);
         let packed = PixelFormat { bits_per_pixel: 24, ..little };

@@ -238,8 +238,13 @@ pub fn list() -> Vec<String> {
         looked(&mut events, &mut stage)?;
         let line = |(name, monitor): (String, &MonitorHandle)| {
             let (size, at) = (monitor.size(), monitor.position());
-            let rate = monitor.refresh_rate_millihertz().map_or(String::new(), |rate| format!(", {:.2} Hz", f64::from(rate) / 1e3));
-            format!("{name}: {} x {} pixels at ({}, {}){rate}, gamma table not readable", size.width, size.height, at.x, at.y)
+            let rate = monitor
+                .refresh_rate_millihertz()
+                .map_or(String::new(), |rate| format!(", {:.2} Hz", f64::from(rate) / 1e3));
+            format!(
+                "{name}: {} x {} pixels at ({}, {}){rate}, gamma table not readable",
+                size.width, size.height, at.x, at.y
+            )
         };
         Ok(names(&stage.monitors).into_iter().zip(&stage.monitors).map(line).collect())
     };
@@ -292,7 +297,10 @@ impl WindowPanel {
             ),
             None => format!("the system opens no window on {}", self.name),
         };
-        Trouble::stop(what, "switch off the desktop's scaling of that output, or use driver = \"x11\" where there is X11")
+        Trouble::stop(
+            what,
+            "switch off the desktop's scaling of that output, or use driver = \"x11\" where there is X11",
+        )
     }
 
     fn draw(&mut self, times: u32) -> Result<(), Trouble> {

@@ -28,9 +28,9 @@ pub fn focus(size: (usize, usize), white: u16) -> Texels {
         star(&mut sheet, (x, y), small);
     }
     // Between the stars: along the sides, and beside the middle.
-    let block = (shorter / 7 / 12 * 12).max(12);
-    let places =
-        [(middle.0, edge), (middle.0, height - edge), (edge, middle.1), (width - edge, middle.1)];
+    // Each third of it holds lines of 1, 2 and 3 pixels in whole pairs.
+    let block = (shorter / 7 / 36 * 36).max(36);
+    let places = [(middle.0, edge), (middle.0, height - edge), (edge, middle.1), (width - edge, middle.1)];
     for place in places {
         lines(&mut sheet, place, block);
     }
@@ -103,7 +103,7 @@ mod tests {
         assert!((lit - 0.5).abs() < 0.02, "{lit}");
         assert!(ring.iter().all(|code| *code == 0 || *code == 255));
         // Above the middle: lines of 1, 2 and 3 pixels.
-        let (edge, each) = (700 / 9 + 700 / 50 + 1, 700 / 7 / 12 * 12 / 3);
+        let (edge, each) = (700 / 9 + 700 / 50 + 1, 700 / 7 / 36 * 36 / 3);
         let (left, top) = (450 - each * 2, edge - each);
         for (n, width) in WIDTHS.into_iter().enumerate() {
             let from = left + n as i64 * each;
@@ -111,7 +111,10 @@ mod tests {
                 let codes: Vec<u16> = (0..each).map(code).collect();
                 codes.chunk_by(|a, b| a == b).map(<[u16]>::len).collect::<Vec<_>>()
             };
-            assert!(lengths(&|d| at(from + d, top + 3)).iter().all(|length| *length as i64 == width), "upright {width}");
+            assert!(
+                lengths(&|d| at(from + d, top + 3)).iter().all(|length| *length as i64 == width),
+                "upright {width}"
+            );
             assert!(lengths(&|d| at(from + 3, top + each + d)).iter().all(|length| *length as i64 == width), "{width}");
         }
         assert_ne!(at(left + 3 * each, top), at(left + 3 * each + 1, top), "single pixels");

@@ -13,22 +13,31 @@ impl Gamma {
         self.channels.iter().map(Vec::len).min().unwrap_or(0)
     }
 
+    /// Has nobody written it? So it is on servers without a graphics card (Xvfb), which keep one and use none. (A card with such a table
+    /// would show black alone.)
+    pub fn is_unwritten(&self) -> bool {
+        self.len() > 0 && self.channels.iter().flatten().all(|value| *value == 0)
+    }
+
     /// Do codes up to `white` come out as they went in? Tables are of 16 bits and cards keep fewer, by rounding or by cutting off, so
     /// an entry may be half a code too large or one too small.
     pub fn is_identity(&self, white: u16) -> bool {
         let last = self.len().saturating_sub(1);
-        let (above, below) = (f64::from(u16::MAX) / f64::from(white) / 2.0, 65536.0 / f64::from(white.saturating_add(1)));
+        let (above, below) =
+            (f64::from(u16::MAX) / f64::from(white) / 2.0, 65536.0 / f64::from(white.saturating_add(1)));
         let kept = |(at, value): (usize, &u16)| {
             let off = f64::from(*value) - at as f64 / last as f64 * f64::from(u16::MAX);
             (-below - 1.0..=above + 1.0).contains(&off)
         };
-        last > 0 && self.channels.iter().all(|channel| channel.len() == last + 1 && channel.iter().enumerate().all(kept))
+        last > 0
+            && self.channels.iter().all(|channel| channel.len() == last + 1 && channel.iter().enumerate().all(kept))
     }
 
     /// What it does, for people: the middle of each channel, and white.
     pub fn words(&self) -> String {
         let share = |value: Option<&u16>| value.map_or(0.0, |value| 100.0 * f64::from(*value) / f64::from(u16::MAX));
-        let at = |at: usize| self.channels.iter().map(|c| format!("{:.0}", share(c.get(at)))).collect::<Vec<_>>().join(", ");
+        let at =
+            |at: usize| self.channels.iter().map(|c| format!("{:.0}", share(c.get(at)))).collect::<Vec<_>>().join(", ");
         let last = self.len().saturating_sub(1);
         format!("red, green, blue of white become {} %, of middle grey {} %", at(last), at(last / 2))
     }
@@ -71,6 +80,7 @@ mod tests {
         one.channels[1][128] += 200;
         assert!(!one.is_identity(255), "one entry alone");
         assert!(!Gamma { channels: [vec![], vec![], vec![]] }.is_identity(255), "no table says nothing");
-        assert!(!table(256, |_| 0.0).is_identity(255));
+        let zeros = table(256, |_| 0.0);
+        assert!(!zeros.is_identity(255) && zeros.is_unwritten() && !night.is_unwritten());
     }
 }

@@ -136,9 +136,7 @@ impl X11Panel {
         let (serial, window, crtc) = (self.serial, self.surface.window, self.output.crtc);
         let pixmap = self.surface.upload(&self.link, bytes)?;
         let server = &self.link.server;
-        self.link.told(server.present_pixmap(
-            window, pixmap, serial, 0, 0, 0, 0, crtc, 0, 0, 0, 0, 0, 0, &[],
-        ))?;
+        self.link.told(server.present_pixmap(window, pixmap, serial, 0, 0, 0, 0, crtc, 0, 0, 0, 0, 0, 0, &[]))?;
         self.link.told(server.free_pixmap(pixmap))?;
         self.link.told(server.flush())?;
         #[cfg(test)]

@@ -3,8 +3,8 @@
 use x11rb::connection::{Connection, RequestConnection};
 use x11rb::protocol::composite::ConnectionExt as _;
 use x11rb::protocol::xproto::{
-    AtomEnum, ChangeWindowAttributesAux, ConfigureWindowAux, ConnectionExt as _, CreateGCAux, CreateWindowAux, EventMask,
-    ImageFormat, ImageOrder, MapState, PropMode, Rectangle, StackMode, VisualClass, WindowClass,
+    AtomEnum, ChangeWindowAttributesAux, ConfigureWindowAux, ConnectionExt as _, CreateGCAux, CreateWindowAux,
+    EventMask, ImageFormat, ImageOrder, MapState, PropMode, Rectangle, StackMode, VisualClass, WindowClass,
 };
 use x11rb::wrapper::ConnectionExt as _;
 
