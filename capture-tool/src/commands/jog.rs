@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::values;
 use crate::devices::operator::AtTerminal;
-use crate::devices::{Axes, Operator, Place, axes};
+use crate::devices::{Axes, Operator, Place, Trouble, axes};
 use crate::rigs::RigFile;
 
 const EXAMPLES: &str = "\
@@ -18,7 +18,8 @@ Examples:
   relume jog gantry.toml arm --by -2.5
 
 Without --to, --by or --home it says where the axes are. Moves end when the axes have truly arrived, within the limits of the rig file, and come
-from the side that its backlash_deg says. --to homes first (or asks for the axes to be put at zero), --by does not.";
+from the side that its backlash_deg says. --to homes first (or asks for the axes to be put at zero); --by moves from wherever they stand,
+which is how they are put at zero.";
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -66,32 +67,33 @@ impl Arguments {
         let moved = self.moved(&mut *axes);
         // Whatever happened, nothing goes on moving.
         let held = axes.hold();
-        let place = moved?;
+        moved?;
+        let place = axes.place();
         held?;
-        Ok(format!("{}\n", words(&place)))
+        Ok(match (place, self.by) {
+            (Ok(place), _) => format!("{}\n", words(&place)),
+            // Whoever puts an axis at its zero does so before anybody knows where that is.
+            (Err(_), Some(by)) => format!("{} moved by {by} degrees\n", self.name()),
+            (Err(trouble), None) => return Err(trouble.into()),
+        })
     }
 
-    fn moved(&self, axes: &mut dyn Axes) -> anyhow::Result<Place> {
+    fn moved(&self, axes: &mut dyn Axes) -> Result<(), Trouble> {
         if self.home || self.to.is_some() {
             axes.home()?;
         }
-        let at = axes.place()?;
-        let here = if self.axis == AxisChoice::Arm { at.arm_deg } else { at.turntable_deg };
-        let goal = match (self.to, self.by) {
-            (Some(to), _) => Some(to),
-            (None, Some(by)) => {
-                let here = here.ok_or_else(|| anyhow::anyhow!("where the {} is, is not known", self.name()))?;
-                Some(here + by)
-            }
-            (None, None) => None,
-        };
-        let Some(goal) = goal else { return Ok(at) };
-        let to = match self.axis {
-            AxisChoice::Turntable => Place { turntable_deg: Some(goal), arm_deg: None },
-            AxisChoice::Arm => Place { turntable_deg: None, arm_deg: Some(goal) },
-        };
-        axes.go(to)?;
-        Ok(axes.place()?)
+        match (self.to, self.by) {
+            (Some(to), _) => axes.go(self.place(to)),
+            (None, Some(by)) => axes.nudge(self.place(by)),
+            (None, None) => Ok(()),
+        }
+    }
+
+    fn place(&self, deg: f64) -> Place {
+        match self.axis {
+            AxisChoice::Turntable => Place { turntable_deg: Some(deg), arm_deg: None },
+            AxisChoice::Arm => Place { turntable_deg: None, arm_deg: Some(deg) },
+        }
     }
 
     fn name(&self) -> &'static str {

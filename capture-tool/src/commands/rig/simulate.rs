@@ -3,18 +3,19 @@
 use std::fs;
 use std::io::Write;
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
 use relume_core::Error;
+use relume_core::files::write_whole;
 
 use crate::devices::cameras::virtual_camera::Window;
 use crate::progress::{self, Progress, Unit};
 use crate::rigs::virtual_stage::VirtualStage;
-use crate::rigs::{AxesDevice, Kind, LampsDevice, RigFile};
+use crate::rigs::{AxesDevice, Axis, Kind, LampsDevice, RigFile};
 use crate::simulators::studio::Studio;
-use crate::simulators::{Mischief, Served, World, dmx_widget, grbl, serve, text_board};
+use crate::simulators::{Mischief, Seen, Served, World, dmx_widget, grbl, serve, text_board};
 
 /// A request to stop is looked for so often.
 const LOOK: Duration = Duration::from_millis(50);
@@ -27,7 +28,8 @@ Example:
 Boards on serial ports (grbl, text, dmx-usb-pro) are stood in for by programs that speak the same bytes; the ports that the rig
 file names inside DIR lead to them, so write port = \"/tmp/dome/axes\" and port = \"/tmp/dome/lamps\". Of a stage, the file
 DIR/camera/DCIM/100/0001.JPG is always the photograph that the camera would take now, at the first of times_s, of the object of the
-[virtual] table: under the lamps that are lit, at the table's stop, and blurred while the table turns. With camera = {driver =
+[virtual] table: under the lamps that are lit, at the table's stop, and blurred while the table turns. DIR/state.json tells which
+channels are lit and where the axes stand. With camera = {driver =
 \"virtual\"} boards are rehearsed without a camera. Ctrl-C ends it.";
 
 /// Raw flags.
@@ -58,6 +60,9 @@ struct Boards {
     told: Vec<String>,
 }
 
+/// What the world is like, in the folder of the ports.
+const STATE: &str = "state.json";
+
 impl Arguments {
     /// Serves until Ctrl-C.
     ///
@@ -68,12 +73,19 @@ impl Arguments {
         fs::create_dir_all(&self.at).map_err(|source| Error::io("create", &self.at, source))?;
         let world = World::default();
         let boards = self.boards(&rig, &world)?;
-        anyhow::ensure!(!boards.served.is_empty(), "{}: no device on a serial port to stand in for", self.rig.display());
+        anyhow::ensure!(
+            !boards.served.is_empty(),
+            "{}: no device on a serial port to stand in for",
+            self.rig.display()
+        );
         let mut told = boards.told.join(", ");
+        let mut studio = None;
         if rig.kind == Kind::Stage && rig.camera.times_s.is_some() {
-            let file = self.watch(&rig, &world)?;
-            told += &format!(", photograph at {}", file.display());
+            let found = self.studio(&rig)?;
+            told += &format!(", photograph at {}", found.file().display());
+            studio = Some(found);
         }
+        self.watch(&rig, &world, studio)?;
         let mut out = std::io::stdout().lock();
         let said = writeln!(out, "ready: {told}").and_then(|()| out.flush());
         said.map_err(|source| Error::io("write to", "the standard output", source))?;
@@ -89,7 +101,12 @@ impl Arguments {
         let Some(devices) = &rig.devices else { return Ok(boards) };
         if let Some(AxesDevice::Grbl { port, home, .. }) = &devices.axes {
             let settings = grbl::Settings { homing: *home, ..grbl::Settings::default() };
-            self.link(&mut boards, "axes", port, serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?)?;
+            self.link(
+                &mut boards,
+                "axes",
+                port,
+                serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?,
+            )?;
         }
         match &devices.lamps {
             Some(LampsDevice::DmxUsbPro { port, .. }) => {
@@ -134,8 +151,27 @@ impl Arguments {
         Ok(())
     }
 
-    /// Keeps the photograph up to date; returns its file.
-    fn watch(&self, rig: &RigFile, world: &World) -> anyhow::Result<PathBuf> {
+    /// Keeps what is told of the world, and the photograph if there is one, up to date.
+    fn watch(&self, rig: &RigFile, world: &World, mut studio: Option<Studio>) -> anyhow::Result<()> {
+        let state = self.at.join(STATE);
+        let axes = rig.devices.as_ref().and_then(|devices| devices.axes.clone());
+        let mut tell = move |seen: &Seen| -> relume_core::Result<()> {
+            write_whole(&state, |out| {
+                writeln!(out, "{}", told(seen, axes.as_ref())).map_err(|source| Error::io("write", &state, source))
+            })?;
+            studio.as_mut().map_or(Ok(()), |studio| studio.photograph(seen))
+        };
+        tell(&world.seen())?;
+        world.watch(move |seen| {
+            if let Err(error) = tell(seen) {
+                crate::complain(&format!("warning: {error}"));
+            }
+        });
+        Ok(())
+    }
+
+    /// The photograph that the rig's camera would take.
+    fn studio(&self, rig: &RigFile) -> anyhow::Result<Studio> {
         let mut bar = Progress::new("tracing the virtual scene", Unit::Steps);
         let mut progress = |done, all| bar.step(done, all);
         let stage = VirtualStage::new(rig, 1, Window::default(), &[], &mut progress)?;
@@ -147,14 +183,22 @@ impl Arguments {
             Some(LampsDevice::Text { .. }) => 0,
             _ => 1,
         };
-        let mut studio = Studio::new(rig, stage, Path::new(&self.at).join("camera").as_path())?.counted_from(first);
-        let file = studio.file().to_owned();
-        studio.photograph(&world.seen())?;
-        world.watch(move |seen| {
-            if let Err(error) = studio.photograph(seen) {
-                crate::complain(&format!("warning: {error}"));
-            }
-        });
-        Ok(file)
+        Ok(Studio::new(rig, stage, &self.at.join("camera"))?.counted_from(first))
     }
+}
+
+/// The world in a line of JSON: lamps that are lit by their channels (from 1), where the axes stand, whether they move.
+fn told(seen: &Seen, axes: Option<&AxesDevice>) -> serde_json::Value {
+    let lit = seen.levels.iter().enumerate().filter(|(_, level)| **level > 0);
+    let levels: serde_json::Map<_, _> = lit.map(|(n, level)| ((n + 1).to_string(), (*level).into())).collect();
+    let deg = |axis: &Option<Axis>| {
+        let axis = axis.as_ref()?;
+        let at = seen.at.get("XYZA".find(axis.letter)?)?;
+        Some((at - axis.zero) / axis.per_deg)
+    };
+    let (turntable, arm) = match axes {
+        Some(AxesDevice::Grbl { turntable, arm, .. }) => (deg(turntable), deg(arm)),
+        _ => (None, None),
+    };
+    serde_json::json!({ "levels": levels, "turntable_deg": turntable, "arm_deg": arm, "moving": seen.moving })
 }
