@@ -14,6 +14,7 @@ mod explicit;
 mod gantry;
 mod hdr;
 mod host_self;
+mod lamp_peers;
 mod lamps;
 mod layers;
 mod lights;

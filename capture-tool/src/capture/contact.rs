@@ -16,6 +16,8 @@ use crate::drawing::{Canvas, LINE};
 const GRID: (usize, usize) = (10, 10);
 /// Size of a cell's picture.
 const CELL: (usize, usize) = (112, 84);
+/// Height of a row: pictures, and a line of text.
+const ROW: usize = CELL.1 + LINE;
 /// Mean code of a picture that shows much.
 const SHOWS_MOST: f32 = 0.25;
 /// A page is written at most this often.
@@ -26,6 +28,8 @@ pub struct ContactSheet {
     folder: PathBuf,
     page: u64,
     canvas: Canvas,
+    /// Rows of the page with a picture in them: the file is no taller.
+    rows: usize,
     changed: bool,
     written: Option<Instant>,
 }
@@ -38,7 +42,7 @@ impl ContactSheet {
     pub fn new(root: &Path) -> Result<Self> {
         let folder = root.join("contact-sheets");
         fs::create_dir_all(&folder).map_err(|source| Error::io("create", &folder, source))?;
-        Ok(Self { folder, page: 0, canvas: blank(), changed: false, written: None })
+        Ok(Self { folder, page: 0, canvas: blank(), rows: 0, changed: false, written: None })
     }
 
     /// Adds photograph `number` as codes (0 to 1), with a word on what it shows.
@@ -50,10 +54,12 @@ impl ContactSheet {
         let page = (number - 1) / per_page + 1;
         if page != self.page {
             self.flush()?;
-            (self.page, self.canvas) = (page, self.begun(page));
+            self.page = page;
+            (self.canvas, self.rows) = self.begun(page);
         }
         let at = ((number - 1) % per_page) as usize;
-        let corner = ((at % GRID.0) * CELL.0, (at / GRID.0) * (CELL.1 + LINE));
+        self.rows = self.rows.max(at / GRID.0 + 1);
+        let corner = ((at % GRID.0) * CELL.0, (at / GRID.0) * ROW);
         let (w, h) = codes.size();
         // Fits the cell, keeps its shape.
         let scale = (w as f64 / (CELL.0 - 4) as f64).max(h as f64 / CELL.1 as f64);
@@ -70,11 +76,20 @@ impl ContactSheet {
         if self.written.is_none_or(|at| at.elapsed() >= PAUSE) { self.flush() } else { Ok(()) }
     }
 
-    /// A page as an earlier run left it, or an empty one.
-    fn begun(&self, page: u64) -> Canvas {
+    /// A page as an earlier run left it, or an empty one, with its rows.
+    fn begun(&self, page: u64) -> (Canvas, usize) {
+        let mut canvas = blank();
         let there = read(&self.path(page), Encoding::Srgb).ok().map(Image::into_rgb);
-        let blank = blank();
-        there.filter(|picture| picture.size() == blank.picture().size()).map_or(blank, Canvas::of)
+        let Some(there) = there.filter(|picture| {
+            picture.width() == GRID.0 * CELL.0 && picture.height().is_multiple_of(ROW) && picture.height() <= GRID.1 * ROW
+        }) else {
+            return (canvas, 0);
+        };
+        canvas.fill((0, 0), there.size(), |x, y| {
+            let pixel = there.pixel(x, y);
+            Some([pixel[0], pixel[1], pixel[2]])
+        });
+        (canvas, there.height() / ROW)
     }
 
     fn path(&self, page: u64) -> PathBuf {
@@ -88,7 +103,12 @@ impl ContactSheet {
     pub fn flush(&mut self) -> Result<()> {
         if self.changed {
             let path = self.path(self.page);
-            let bytes = encode_png8(self.canvas.picture())?;
+            let page = self.canvas.picture();
+            let used = Image::from_fn(page.width(), self.rows.max(1) * ROW, |x, y| {
+                let pixel = page.pixel(x, y);
+                [pixel[0], pixel[1], pixel[2]]
+            });
+            let bytes = encode_png8(&used)?;
             write_whole(&path, |out| out.write_all(&bytes).map_err(|source| Error::io("write", &path, source)))?;
             (self.changed, self.written) = (false, Some(Instant::now()));
         }
@@ -104,5 +124,5 @@ pub fn best(frames: &[Arc<Image>]) -> Option<&Image> {
 }
 
 fn blank() -> Canvas {
-    Canvas::new(GRID.0 * CELL.0, GRID.1 * (CELL.1 + LINE), [0.02; 3])
+    Canvas::new(GRID.0 * CELL.0, GRID.1 * ROW, [0.02; 3])
 }

@@ -23,6 +23,8 @@
 pub mod contact;
 pub mod explicit;
 mod exposures;
+#[cfg(all(test, unix))]
+mod faults;
 pub mod log;
 pub mod patterns;
 pub mod plan;

@@ -12,6 +12,8 @@ const END: u8 = 0xe7;
 const HEAD: usize = 4;
 /// The longest message: 512 channels and a start code.
 const LONGEST: usize = CHANNELS + 1;
+/// Bytes that users can store in it.
+const MOST_STORED: usize = 508;
 /// Of the labels, those that a sender of DMX needs.
 const GET_PARAMETERS: u8 = 3;
 const SEND_DMX: u8 = 6;
@@ -38,12 +40,15 @@ impl DmxWidget {
                 // Start code 0: levels. Anything else is for other devices on the line.
                 if let [0, levels @ ..] = data {
                     self.world.light(levels);
+                    self.world.publish();
                 }
             }
             GET_PARAMETERS => {
                 self.world.publish();
-                // Firmware 1.44; break and mark times and rate as it is delivered.
-                self.answers.push_back(message(GET_PARAMETERS, &[44, 1, 9, 1, 40]));
+                // Firmware 1.44; break and mark times and rate as it is delivered; so much of what users stored as was asked for.
+                let wanted = if let [low, high, ..] = *data { usize::from(u16::from_le_bytes([low, high])) } else { 0 };
+                let parameters = [&[44, 1, 9, 1, 40][..], &vec![0; wanted.min(MOST_STORED)]].concat();
+                self.answers.push_back(message(GET_PARAMETERS, &parameters));
             }
             GET_SERIAL => {
                 self.world.publish();
@@ -95,8 +100,9 @@ impl Board for DmxWidget {
         None
     }
 
+    /// With a question that is not answered yet.
     fn works(&self) -> bool {
-        true
+        !self.answers.is_empty()
     }
 
     /// Lamps go out until the next frame.

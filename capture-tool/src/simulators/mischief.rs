@@ -108,6 +108,12 @@ impl Mischief {
         self.held.front().map(|(until, _)| *until)
     }
 
+    /// From now on nothing goes wrong; what was held back goes out.
+    pub fn calm(&mut self) {
+        self.strikes.clear();
+        self.held.iter_mut().for_each(|(until, _)| *until = Instant::now());
+    }
+
     /// What has happened so far.
     pub fn struck(&self) -> &[Strike] {
         &self.struck

@@ -73,6 +73,11 @@ impl Served {
     pub fn struck(&self) -> Vec<Strike> {
         self.mischief.lock().unwrap_or_else(PoisonError::into_inner).struck().to_vec()
     }
+
+    /// From now on nothing goes wrong.
+    pub fn calm(&self) {
+        self.mischief.lock().unwrap_or_else(PoisonError::into_inner).calm();
+    }
 }
 
 impl Drop for Served {

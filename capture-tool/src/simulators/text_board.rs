@@ -100,8 +100,9 @@ impl Board for TextBoard {
         None
     }
 
+    /// With a line that is not answered yet.
     fn works(&self) -> bool {
-        true
+        !self.answers.is_empty()
     }
 
     fn restart(&mut self) {

@@ -1,9 +1,11 @@
 //! An ENTTEC DMX USB Pro, or what speaks as it does ("DMX USB Pro Widget API Specification 1.44").
 //!
 //! A frame of levels, `7E 06 length(2) 00 ch1 ch2... E7`, is not answered. So behind it goes a question that every widget answers: its
-//! serial number (label 10) or its parameters (label 3), in turn, so that a late answer to the one is not taken for an answer
-//! to the other. Widgets work in order: the answer says that the frame before was taken. The frame goes out twice, since behind
-//! plain serial lines, which home-made widgets have, a byte may get lost, and nothing says so.
+//! parameters (label 3). Widgets work in order: the answer says that the frame before was taken. With the parameters the widget
+//! sends as many bytes of what users stored in it as it was asked for, each time another number, so that a late answer is not
+//! taken for the next one's. Of widgets that ignore the number, parameters and serial number (label 10) are asked for in
+//! turn. The frame goes out twice, since behind plain serial lines, which home-made widgets have, a byte may get lost, and
+//! nothing says so.
 
 use std::time::{Duration, Instant};
 
@@ -26,6 +28,10 @@ const GET_SERIAL: u8 = 10;
 const LEAST_CHANNELS: usize = 24;
 /// The port is virtual: any speed does; this one is what FTDI's chips start with.
 const BAUD: u32 = 57_600;
+/// Parameters without what users stored: firmware in two bytes, break, mark, rate.
+const PARAMETERS: usize = 5;
+/// Numbers of stored bytes that are asked for, from 1.
+const NUMBERS: usize = 40;
 /// The same is asked so often before a person is.
 const ATTEMPTS: usize = 4;
 /// A frame of 512 channels is on the line for 23 ms; what was sent last is out after two.
@@ -40,7 +46,10 @@ pub struct DmxUsbPro {
     patch: Patch,
     /// Channels up to the last one in use.
     used: usize,
-    asks_serial: bool,
+    /// Questions asked.
+    asked: usize,
+    /// Its answers are as long as was asked for; not known before the first one.
+    counts: Option<bool>,
 }
 
 impl DmxUsbPro {
@@ -59,7 +68,8 @@ impl DmxUsbPro {
             settle: seconds(wiring.settle_s),
             patch,
             used,
-            asks_serial: true,
+            asked: 0,
+            counts: None,
         })
     }
 
@@ -74,7 +84,8 @@ impl DmxUsbPro {
     fn send(&mut self, levels: &[u8]) -> Result<(), Trouble> {
         let frame = message(SEND_DMX, &[&[0], levels].concat());
         for _ in 0..ATTEMPTS {
-            if self.asked(&[&frame[..], &frame].concat())?.is_some() {
+            let serial = self.counts == Some(false) && self.asked.is_multiple_of(2);
+            if self.answer(serial, &[&frame[..], &frame].concat())?.is_some() {
                 return Ok(());
             }
         }
@@ -87,47 +98,46 @@ impl DmxUsbPro {
     }
 
     /// Sends this, and a question behind it; the answer, where one came in time.
-    fn asked(&mut self, before: &[u8]) -> Result<Option<Vec<u8>>, Trouble> {
-        self.asks_serial = !self.asks_serial;
-        let label = if self.asks_serial { GET_SERIAL } else { GET_PARAMETERS };
-        // Of its parameters no part that users wrote.
-        let question = if self.asks_serial { message(GET_SERIAL, &[]) } else { message(GET_PARAMETERS, &[0, 0]) };
+    fn answer(&mut self, serial: bool, before: &[u8]) -> Result<Option<Vec<u8>>, Trouble> {
+        self.asked += 1;
+        let (label, number) = if serial { (GET_SERIAL, 0) } else { (GET_PARAMETERS, 1 + self.asked % NUMBERS) };
+        let question = if serial { message(label, &[]) } else { message(label, &[number as u8, 0]) };
         let reply = self.reply;
         let port = self.port()?;
         port.buffer().clear();
         port.send(&[before, &question].concat())?;
         let by = Instant::now() + reply;
         loop {
-            while let Some((answered, data)) = next_message(port.buffer()) {
-                if answered == label {
+            while let Some((answered, data)) = next_message(self.port()?.buffer()) {
+                let counted = data.len() == PARAMETERS + number;
+                let uncounted = data.len() == PARAMETERS && self.counts != Some(true);
+                if answered == label && (serial || counted || uncounted) {
+                    if !serial {
+                        self.counts = Some(counted);
+                    }
                     return Ok(Some(data));
                 }
             }
-            if !port.fill(by)? {
+            if !self.port()?.fill(by)? {
                 // What is late is not left for the next question.
-                port.drain(reply / 4)?;
+                self.port()?.drain(reply / 4)?;
                 return Ok(None);
             }
         }
     }
 
     fn found(&mut self) -> Result<String, Trouble> {
-        let (mut firmware, mut serial) = (None, None);
-        for _ in 0..2 * ATTEMPTS {
-            let answer = self.asked(&[])?;
-            match (self.asks_serial, answer.as_deref()) {
-                (true, Some(&[a, b, c, d])) => serial = Some(format!("{d:02x}{c:02x}{b:02x}{a:02x}")),
-                (false, Some([low, high, ..])) => firmware = Some(format!("{high}.{low:02}")),
-                _ => {}
-            }
-            if let (Some(firmware), Some(serial)) = (&firmware, &serial) {
-                return Ok(format!("lamps: DMX widget at {}, firmware {firmware}, serial {serial}", self.name));
-            }
+        let firmware = (0..ATTEMPTS).find_map(|_| self.answer(false, &[]).transpose()).transpose()?;
+        let serial = (0..ATTEMPTS).find_map(|_| self.answer(true, &[]).transpose()).transpose()?;
+        let mut told = format!("lamps: DMX widget at {}", self.name);
+        match firmware.as_deref() {
+            Some([low, high, ..]) => told += &format!(", firmware {high}.{low:02}"),
+            _ => return Err(self.silent()),
         }
-        match firmware.or(serial) {
-            Some(_) => Ok(format!("lamps: DMX widget at {}", self.name)),
-            None => Err(self.silent()),
+        if let Some(&[a, b, c, d]) = serial.as_deref() {
+            told += &format!(", serial {d:02x}{c:02x}{b:02x}{a:02x}");
         }
+        Ok(told)
     }
 }
 

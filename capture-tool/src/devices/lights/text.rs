@@ -1,7 +1,8 @@
 //! A board that takes lines of text by a template, as home-made domes do.
 //!
 //! Each line is answered by the reply of the template, where there is one. When a reply is wrong or does not come, nothing is
-//! assumed of what the board does: all is put out and the lamps are lit again.
+//! assumed of what the board does: all is put out and the lamps are lit again, after the line has been quiet for a while. A reply
+//! with `{lamp}` in it cannot be mistaken for that of another line, and is to be preferred where one programs the board.
 
 use std::time::{Duration, Instant};
 
@@ -153,7 +154,7 @@ impl Text {
                     let port = self.port()?;
                     port.drain(wait)?;
                     port.send(ends.as_bytes())?;
-                    port.drain(wait / 4)?;
+                    port.drain(wait)?;
                     attempt += 1;
                 }
                 Unanswered::Silent => {

@@ -13,6 +13,8 @@ use crate::devices::port::{Port, pause};
 
 /// How often a board in motion is asked where it is.
 const POLL: Duration = Duration::from_millis(200);
+/// Lines of one answer follow each other within milliseconds, behind USB too.
+const QUIET: Duration = Duration::from_millis(30);
 /// An Arduino waits up to 2 s for a new program after it was restarted, and only then starts its own.
 const STARTS_WITHIN: Duration = Duration::from_secs(4);
 /// Lines that come with one answer: `$$` has some 34, `$#` 11. More are noise.
@@ -139,12 +141,17 @@ impl Board {
             while let Some(line) = board.port.line(by)? {
                 if matches!(Said::of(&line), Said::Banner(_) | Said::Status(_)) {
                     // Settings that it tells unasked, and answers to later questions.
-                    board.port.drain(board.reply / 10)?;
+                    board.port.drain(board.quiet())?;
                     return Ok(board);
                 }
             }
         }
         Err(Upset::Silent)
+    }
+
+    /// A board that has said nothing for so long says nothing more by itself.
+    fn quiet(&self) -> Duration {
+        QUIET.min(self.reply / 10)
     }
 
     /// The port's name.
@@ -154,8 +161,12 @@ impl Board {
 
     /// Sends a line and waits for its `ok`; returns what came before it.
     pub fn command(&mut self, line: &str, patience: Patience) -> Result<Vec<Said>, Upset> {
-        if self.open {
-            self.fence()?;
+        if self.open
+            && let Err(upset) = self.fence()
+        {
+            // Its answer may still come, and must not be taken for the next one's.
+            self.port.drain(self.reply)?;
+            return Err(upset);
         }
         self.open = true;
         self.port.send(format!("{line}\n").as_bytes())?;
@@ -169,7 +180,7 @@ impl Board {
 
     /// After this nothing that was sent before is answered any more.
     fn fence(&mut self) -> Result<(), Upset> {
-        self.port.drain(self.reply / 10)?;
+        self.port.drain(self.quiet())?;
         // An unfinished line is ended first: noise may have begun one.
         self.port.send(b"\n$G\n")?;
         self.wait(Patience::Reply, |said| *said == Said::Modes)?;
@@ -285,12 +296,12 @@ impl Board {
     pub fn reset(&mut self) -> Result<(), Upset> {
         self.offset = None;
         self.open = true;
-        self.port.drain(self.reply / 10)?;
+        self.port.drain(self.quiet())?;
         self.port.send(&[RESET])?;
         let by = Instant::now() + self.reply.max(STARTS_WITHIN / 2);
         while let Some(line) = self.port.line(by)? {
             if matches!(Said::of(&line), Said::Banner(_)) {
-                self.port.drain(self.reply / 10)?;
+                self.port.drain(self.quiet())?;
                 return Ok(());
             }
         }

@@ -37,7 +37,7 @@ fn fast() -> Settings {
 
 fn bench(settings: Settings, home: bool, turntable: Axis, strikes: Vec<(u32, Strike)>) -> Bench {
     let world = World::default();
-    let board = serve(Simulated::new(settings, world.clone()), Mischief::new(strikes, 7)).unwrap();
+    let board = serve(Simulated::new(settings, world.clone()), Mischief::new(strikes.clone(), 7)).unwrap();
     let device = AxesDevice::Grbl {
         port: board.path().display().to_string(),
         baud: 115_200,
@@ -45,7 +45,8 @@ fn bench(settings: Settings, home: bool, turntable: Axis, strikes: Vec<(u32, Str
         turntable: Some(turntable),
         arm: Some(axis('Y')),
         settle_s: 0.0,
-        reply_s: 0.1,
+        // Who loses nothing waits for nothing, however slow the machine.
+        reply_s: if strikes.is_empty() { 5.0 } else { 0.25 },
         move_limit_s: 5.0,
     };
     let operator: Arc<dyn Operator> = Arc::new(Strong(world.clone(), Willing::default()));
@@ -113,26 +114,21 @@ fn positions_are_come_to_from_below() {
     let bench = bench(Settings { homing: true, ..fast() }, true, played, Vec::new());
     let mut grbl = bench.open();
     grbl.home().unwrap();
-    let lowest = Arc::new(std::sync::Mutex::new(f64::MAX));
-    let (seen, world) = (lowest.clone(), bench.world.clone());
-    let watch = std::thread::spawn(move || {
-        for _ in 0..4000 {
-            let mut lowest = seen.lock().unwrap();
-            *lowest = lowest.min(world.seen().at[0]);
-            drop(lowest);
-            std::thread::sleep(Duration::from_micros(100));
-        }
-    });
-    let mut from = |to: f64, reached: f64| {
-        *lowest.lock().unwrap() = f64::MAX;
+    // The world is told of each place where motion ends.
+    let ends = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let told = ends.clone();
+    bench.world.watch(move |seen| told.lock().unwrap().push(seen.at[0].round()));
+    let mut through = |to: f64, expected: &[f64]| {
+        ends.lock().unwrap().clear();
         bench.go(&mut grbl, to, 0.0).unwrap();
-        let lowest = *lowest.lock().unwrap();
-        assert!((lowest - reached).abs() < 0.6, "to {to}: came down to {lowest}, expected {reached}");
+        let mut ends = ends.lock().unwrap().clone();
+        ends.dedup();
+        assert_eq!(ends, expected, "to {to}");
     };
-    from(0.0, -3.0);
-    from(100.0, 0.0);
-    from(50.0, 47.0);
-    watch.join().unwrap();
+    through(0.0, &[0.0, -3.0, 0.0]);
+    through(100.0, &[0.0, 100.0]);
+    through(50.0, &[100.0, 47.0, 50.0]);
+    through(50.0, &[50.0]);
     let message = grbl.go(Place { turntable_deg: Some(-8.0), arm_deg: None }).unwrap_err().to_string();
     assert!(message.contains("leave room below"), "{message}");
 }
@@ -145,21 +141,24 @@ fn noise_and_lost_or_late_answers_are_got_over() {
         Strike::HalfLine,
         Strike::LostReply,
         Strike::LostCommand,
-        Strike::Late(Duration::from_millis(160)),
+        Strike::Late(Duration::from_millis(400)),
     ];
-    for (n, kind) in kinds.into_iter().enumerate() {
-        for after in [1, 9 + n as u32, 21] {
-            let bench = bench(fast(), false, axis('X'), vec![(after, kind)]);
-            let mut grbl = bench.open();
-            grbl.home().unwrap();
-            for turntable in [0.0, 90.0, 180.0] {
-                bench
-                    .go(&mut grbl, turntable, 0.0)
-                    .unwrap_or_else(|trouble| panic!("{kind:?} after {after}: {trouble}"));
-            }
-            assert_eq!(bench.board.struck(), [kind]);
+    let one = |kind: Strike, after: u32| {
+        let bench = bench(fast(), false, axis('X'), vec![(after, kind)]);
+        let mut grbl = bench.open();
+        grbl.home().unwrap();
+        for turntable in [0.0, 90.0, 180.0] {
+            bench.go(&mut grbl, turntable, 0.0).unwrap_or_else(|trouble| panic!("{kind:?} after {after}: {trouble}"));
         }
-    }
+        assert_eq!(bench.board.struck(), [kind]);
+    };
+    std::thread::scope(|scope| {
+        for kind in kinds {
+            for after in [1, 11, 12, 13, 21] {
+                scope.spawn(move || one(kind, after));
+            }
+        }
+    });
 }
 
 #[test]
@@ -174,7 +173,8 @@ fn what_needs_a_person_is_said() {
         grbl.home().unwrap();
         let message = (0..100).find_map(|n| bench.go(&mut grbl, f64::from(n) * 7.0, 0.0).err()).unwrap().to_string();
         assert!(message.contains(said), "{strike:?}: {message}");
-        assert_eq!(grbl.hold().is_err(), strike == Strike::HangUp, "{strike:?}");
+        let held = grbl.hold();
+        assert!(held.is_ok() || strike == Strike::HangUp, "{strike:?}: {held:?}");
         if strike != Strike::HangUp {
             let mut again = {
                 drop(grbl);
@@ -189,8 +189,7 @@ fn what_needs_a_person_is_said() {
 /// A restart whose banner nobody heard is seen all the same.
 #[test]
 fn a_silent_restart_is_seen_by_the_mark() {
-    let bench =
-        bench(Settings { boot: Duration::from_millis(5), ..fast() }, false, axis('X'), vec![(0, Strike::LostCommand)]);
+    let bench = bench(Settings { boot: Duration::from_millis(5), ..fast() }, false, axis('X'), vec![(0, Strike::LostCommand)]);
     let mut grbl = bench.open();
     grbl.home().unwrap();
     bench.go(&mut grbl, 90.0, 0.0).unwrap();
@@ -215,6 +214,8 @@ fn the_operator_is_asked_only_where_positions_are_lost() {
         let willing = Arc::new(Willing::default());
         let operator: Arc<dyn Operator> = willing.clone();
         for deg in [0.0, 30.0] {
+            // The board sees that its port was closed.
+            std::thread::sleep(Duration::from_millis(200));
             let mut grbl = Grbl::open(&bench.device, &operator).unwrap();
             grbl.home().unwrap();
             grbl.go(Place { turntable_deg: Some(deg), arm_deg: None }).unwrap();
@@ -257,9 +258,10 @@ fn a_port_that_talks_nonsense_is_no_board() {
     let (mut board, pty) = serialport::TTYPort::pair().unwrap();
     let name = pty.name().unwrap();
     drop(pty);
+    let ends = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let end = ends.clone();
     let talk = std::thread::spawn(move || {
-        let end = Instant::now() + Duration::from_millis(4500);
-        while Instant::now() < end {
+        while !end.load(std::sync::atomic::Ordering::Relaxed) {
             // Nobody listens before the driver has opened it, and after.
             let _ = std::io::Write::write_all(&mut board, b"\xfe\x00\xe0x");
             std::thread::sleep(Duration::from_millis(5));
@@ -274,5 +276,6 @@ fn a_port_that_talks_nonsense_is_no_board() {
     let operator: Arc<dyn Operator> = Arc::new(Willing::default());
     let message = Grbl::open(&device, &operator).err().unwrap().to_string();
     assert!(message.contains("does not answer as GRBL 1.1 does"), "{message}");
+    ends.store(true, std::sync::atomic::Ordering::Relaxed);
     talk.join().unwrap();
 }
