@@ -1,5 +1,6 @@
 //! The one integration test binary.
 
+mod cameras;
 mod capture;
 mod cli;
 mod cli_sets;
