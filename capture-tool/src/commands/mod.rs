@@ -26,6 +26,7 @@ mod patterns;
 mod probe;
 mod relight;
 mod rig;
+mod show;
 mod surface;
 #[cfg(test)]
 mod testing;
@@ -43,7 +44,7 @@ pub enum Command {
     Capture(capture::Arguments),
     /// List the cameras, serial ports and screens that are connected, and what they can do.
     Devices(devices::Arguments),
-    /// Check a rig, write a rig file, put lamps out.
+    /// Check a rig, write a rig file, put lamps out, rehearse with boards that are not there.
     #[command(subcommand)]
     Rig(rig::Task),
     /// Move a turntable or an arm, or ask where it is.
@@ -76,6 +77,8 @@ pub enum Command {
     Map(map::Arguments),
     /// Write the pictures that a screen or projector shows while an object is photographed.
     Patterns(patterns::Arguments),
+    /// Show a chart, a grey, a picture or a pattern on a screen or projector, to set it up.
+    Show(show::Arguments),
     /// Find normals and albedo, and store them as layers.
     Surface(surface::Arguments),
     /// Draw the reflectance functions of some pixels, as sampled and as reconstructed.
@@ -121,6 +124,7 @@ impl Command {
             Command::Lightings(arguments) => arguments.run(),
             Command::Map(arguments) => arguments.run(),
             Command::Patterns(arguments) => arguments.run(),
+            Command::Show(arguments) => arguments.run(),
             Command::Surface(arguments) => arguments.run(),
             Command::Inspect(arguments) => arguments.run(),
             Command::Calibrate(subject) => subject.run(),

@@ -26,7 +26,7 @@ pub mod virtual_emitter;
 pub mod virtual_stage;
 
 pub use condition::Condition;
-pub use devices::{AxesDevice, Axis, CameraDevice, Counts, Devices, LampsDevice, ScreenDevice, ScreenLook, Wiring};
+pub use devices::{AxesDevice, Axis, CameraDevice, Counts, LampsDevice, ScreenDevice, ScreenLook, Wiring};
 pub use file::{
     CameraRig, GantryRig, Kind, MonitorRig, PartsChoice, ResponseChoice, RigFile, SceneChoice, SensorResponseChoice,
     StageRig,

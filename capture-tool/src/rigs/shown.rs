@@ -73,7 +73,8 @@ impl Shown {
     }
 }
 
-/// Codes of a pattern; grey.
+/// Codes of a pattern; grey. The ramp's 256 levels are the nearest codes of deeper screens too: `relume calibrate gamma` takes level n for n / 255 of
+/// white's code, which is right to half a code.
 fn pattern_codes(set: &PatternSet, number: usize, assumed: &Emitter) -> Vec<[u16; 3]> {
     let pattern = set.pattern(number);
     let white = assumed.white();
@@ -83,4 +84,50 @@ fn pattern_codes(set: &PatternSet, number: usize, assumed: &Emitter) -> Vec<[u16
         pattern.codes(assumed)
     };
     codes.into_iter().map(|code| [code.min(white); 3]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use relume_core::domain::{Bits, EmitterCurve};
+
+    use super::*;
+    use crate::capture::patterns::{Samples, sets};
+
+    fn shown(bits: u8) -> Shown {
+        let text = std::fs::read_to_string("../presets/rigs/virtual-monitor.toml").unwrap();
+        let screen =
+            format!("[devices]\ncamera = {{ driver = \"virtual\" }}\nscreen = {{ driver = \"x11\", bits = {bits} }}\n");
+        let text =
+            format!("{}\n{screen}", text.replace("[\"ramp\", \"gray-code\", \"stripes\"]", "[\"ramp\", \"stripes\"]"));
+        let rig = RigFile::parse(&text, Path::new("rig.toml")).unwrap();
+        let sets = sets(&rig, Samples::Noise, 1).unwrap();
+        Shown::new(&rig, sets, PathBuf::new()).unwrap()
+    }
+
+    #[test]
+    fn ten_bits_are_finer_steps_of_the_same_light() {
+        let (coarse, fine) = (shown(8), shown(10));
+        let pattern = |set: &str, number: usize| Condition::Pattern { set: set.to_owned(), number, stop: 0 };
+        let codes = |shown: &Shown, condition: &Condition| shown.texels(condition).unwrap();
+        assert_eq!(codes(&fine, &Condition::White { stop: 0 }).codes[0], [1023; 3]);
+        for level in [0, 1, 77, 254, 255] {
+            let found = codes(&fine, &pattern("ramp", level)).codes[0][0];
+            assert_eq!(found, (level as f64 / 255.0 * 1023.0).round() as u16);
+            assert_eq!(codes(&coarse, &pattern("ramp", level)).codes[0][0], level as u16);
+        }
+        let stripes = codes(&fine, &pattern("stripes", 0));
+        assert!(stripes.codes.iter().all(|code| code[0] == 0 || code[0] == 1023) && stripes.white == 1023);
+        // Noise: the light that was asked for, to half a step of its codes.
+        let emitters = [Bits::Eight, Bits::Ten].map(|bits| Emitter::new(&EmitterCurve::Srgb, bits));
+        let light = |emitter: &Emitter, texels: &Texels| -> Vec<f32> {
+            texels.codes.iter().map(|code| emitter.light(code[0])).collect()
+        };
+        let (a, b) = (codes(&coarse, &pattern("noise", 5)), codes(&fine, &pattern("noise", 5)));
+        let wanted = fine.sets["noise"].pattern(5).values;
+        let off = |light: &[f32]| light.iter().zip(&wanted).map(|(l, w)| (l - w).abs()).fold(0.0, f32::max);
+        let [eight, ten] = [off(&light(&emitters[0], &a)), off(&light(&emitters[1], &b))];
+        assert!(ten < 0.0012 && eight > 3.0 * ten, "{eight} {ten}");
+    }
 }

@@ -64,12 +64,9 @@ impl VirtualEmitter {
         let grids = self.rows.grids();
         let here = grids.columns * grids.rows;
         let shown = self.shown.texels(condition)?;
-        // The virtual display takes 8 bits; deeper codes are rounded.
-        let code = |code: u16| ((u32::from(code) * 255 + u32::from(shown.white) / 2) / u32::from(shown.white)) as u8;
-        let codes: Vec<[u8; 3]> = shown.codes.iter().map(|texel| texel.map(code)).collect();
         let first = condition.stop(1) * here;
         let mut emitted = vec![[0.0; 3]; grids.elements()];
-        emitted[first..first + here].copy_from_slice(&self.display.emitted(codes.as_flattened()));
+        emitted[first..first + here].copy_from_slice(&self.display.emitted(&shown.codes, shown.white));
         self.rows.photograph(&emitted)
     }
 }

@@ -207,9 +207,9 @@ impl Shots<'_> {
 
     /// A photograph under codes, with noise of its number.
     fn take(&self, codes: &[u16], number: u64) -> Result<Vec<[f32; 3]>> {
-        let codes: Vec<u8> = codes.iter().flat_map(|code| [*code as u8; 3]).collect();
+        let codes: Vec<[u16; 3]> = codes.iter().map(|code| [*code; 3]).collect();
         let white = self.setup.screen.white;
-        let mut picture = at(&self.setup.rows.photograph(&self.setup.screen.emitted(&codes))?, self.pixels);
+        let mut picture = at(&self.setup.rows.photograph(&self.setup.screen.emitted(&codes, 255))?, self.pixels);
         let mut uniform = Pcg32::seed_from_u64(self.setup.patterns.seed.wrapping_mul(1 << 32).wrapping_add(number));
         let mut normal = || {
             let (u, v) = (1.0 - uniform.random::<f32>(), uniform.random::<f32>());

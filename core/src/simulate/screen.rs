@@ -1,4 +1,4 @@
-//! Screens and projectors: the light that an 8-bit code makes.
+//! Screens and projectors: the light that a code makes.
 //!
 //! `emitted(code) = white * (black + (1 - black) * g(code))`, `g` rising from 0 to 1: the truth for what is measured of a
 //! display (6.3), and the light that `M` of the implicit method is made of.
@@ -16,7 +16,7 @@ pub enum ScreenCurve {
     Gamma(f64),
     /// The sRGB curve.
     Srgb,
-    /// One number a code, rising from 0 to 1.
+    /// One number a code of 8 bits, rising from 0 to 1; between them (of deeper codes) it is linear.
     Table(Vec<f64>),
 }
 
@@ -78,22 +78,32 @@ impl Screen {
         Ok(())
     }
 
-    /// The share of white that a code emits, black included.
+    /// The share of white that an 8-bit code emits, black included.
     pub fn share(&self, code: u8) -> f64 {
-        let code = usize::from(code);
+        self.share_of(f64::from(code) / 255.0)
+    }
+
+    /// The same for codes of any depth: as shares of white's.
+    fn share_of(&self, code: f64) -> f64 {
         let g = match &self.curve {
-            ScreenCurve::Gamma(gamma) => (code as f64 / 255.0).powf(*gamma),
-            ScreenCurve::Srgb => f64::from(srgb::decode(code as f32 / 255.0)),
-            ScreenCurve::Table(table) => table.get(code).copied().unwrap_or(1.0),
+            ScreenCurve::Gamma(gamma) => code.powf(*gamma),
+            ScreenCurve::Srgb => f64::from(srgb::decode(code as f32)),
+            ScreenCurve::Table(table) => {
+                let at = code * (CODES - 1) as f64;
+                let low = (at as usize).min(CODES - 2);
+                let entry = |n: usize| table.get(n).copied().unwrap_or(1.0);
+                entry(low) + (at - low as f64) * (entry(low + 1) - entry(low))
+            }
         };
         self.black + (1.0 - self.black) * g
     }
 
-    /// What every element emits under a picture of codes, RGB interleaved, in the order of the elements.
-    pub fn emitted(&self, codes: &[u8]) -> Vec<[f32; 3]> {
-        let table: [f32; CODES] = std::array::from_fn(|code| self.share(code as u8) as f32);
-        let element = |rgb: &[u8]| std::array::from_fn(|c| table[usize::from(rgb[c])] * self.white[c]);
-        codes.chunks_exact(3).map(element).collect()
+    /// What every element emits under a picture of codes up to `white` (those beyond emit as it does), RGB, in the order of the elements.
+    pub fn emitted(&self, codes: &[[u16; 3]], white: u16) -> Vec<[f32; 3]> {
+        let share = |code: u16| self.share_of(f64::from(code) / f64::from(white.max(1))) as f32;
+        let table: Vec<f32> = (0..=white).map(share).collect();
+        let element = |rgb: &[u16; 3]| std::array::from_fn(|c| table[usize::from(rgb[c].min(white))] * self.white[c]);
+        codes.iter().map(element).collect()
     }
 }
 
@@ -104,7 +114,7 @@ mod tests {
     #[test]
     fn codes_run_from_black_to_white() {
         let screen = Screen { white: [2.0, 1.0, 0.5], ..Screen::projector() };
-        let emitted = screen.emitted(&[0, 0, 0, 255, 255, 255, 128, 0, 255]);
+        let emitted = screen.emitted(&[[0; 3], [255; 3], [128, 0, 255]], 255);
         assert_eq!(emitted[1], [2.0, 1.0, 0.5]);
         assert!((emitted[1][0] / emitted[0][0] - 300.0).abs() < 1e-2);
         let grey = 1.0 / 300.0 + 299.0 / 300.0 * (128f64 / 255.0).powf(2.2);
@@ -114,6 +124,13 @@ mod tests {
         let table = (0..256).map(|c| f64::from(c) / 255.0).collect();
         let linear = Screen { curve: ScreenCurve::Table(table), ..srgb };
         assert!(linear.check("rig").is_ok() && (linear.share(51) - 0.2).abs() < 1e-12);
+        // Ten bits: finer steps of the same curve.
+        for display in [linear, Screen::monitor()] {
+            let light = |code: u16, white: u16| display.emitted(&[[code; 3]], white)[0][0];
+            assert_eq!((light(1023, 1023), light(0, 1023)), (light(255, 255), light(0, 255)));
+            assert!((light(341, 1023) - light(85, 255)).abs() < 1e-6, "a third of white");
+            assert!((1..=1023).all(|code| light(code, 1023) > light(code - 1, 1023)));
+        }
     }
 
     #[test]

@@ -162,7 +162,7 @@ pub(super) fn captured(arguments: &Arguments, captured: &Captured<'_>, output: &
         explicit(arguments, captured, (&photographs, &view, &ready), (set, &curve), output)?;
         return Ok(format!("{}\n{report}", Info::of(&Asset::open(output, Access::Read)?).summary()));
     }
-    let emitted = Emitted::of_set(set, &monitor.curve.curve()?, &curve);
+    let emitted = Emitted::of_set(set, capture.rig.bits(), [&monitor.curve.curve()?, &curve]);
     let ready = view.ready(photographs.size(), emitted.plane, white)?;
     let list = in_order(records, samples.set(), emitted.patterns.len(), arguments)?;
     let provenance = serde_json::json!({
@@ -219,6 +219,7 @@ fn explicit(
         photographs,
         functions: &functions,
         set,
+        bits: capture.rig.bits(),
         curves: [&assumed, curve],
         white: white.as_ref(),
         view,

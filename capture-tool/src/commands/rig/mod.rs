@@ -3,6 +3,8 @@
 mod check;
 mod dark;
 mod new;
+#[cfg(unix)]
+mod simulate;
 mod watch;
 
 use clap::Subcommand;
@@ -16,6 +18,9 @@ pub enum Task {
     New(new::Arguments),
     /// Put every lamp of a rig out, whatever went wrong before.
     Dark(dark::Arguments),
+    /// Stand in for the boards of a rig file on pseudo-terminals, and for what its camera would see.
+    #[cfg(unix)]
+    Simulate(simulate::Arguments),
     /// The watchdog of a capture, which starts it.
     #[command(hide = true)]
     Watch(watch::Arguments),
@@ -31,6 +36,8 @@ impl Task {
             Self::Check(arguments) => arguments.run(),
             Self::New(arguments) => arguments.run(),
             Self::Dark(arguments) => arguments.run(),
+            #[cfg(unix)]
+            Self::Simulate(arguments) => arguments.run(),
             Self::Watch(arguments) => arguments.run(),
         }
     }

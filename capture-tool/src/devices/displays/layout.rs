@@ -52,7 +52,6 @@ impl Layout {
     }
 
     /// The texel that a pixel of the output shows; none about them.
-    #[cfg(test)]
     pub fn texel(&self, x: usize, y: usize) -> Option<(usize, usize)> {
         let along = |pixel: usize, corner: usize, count: usize| {
             pixel.checked_sub(corner).map(|inside| inside / self.texel_px).filter(|texel| *texel < count)

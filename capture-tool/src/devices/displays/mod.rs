@@ -210,7 +210,8 @@ fn closed() -> Trouble {
 /// # Errors
 /// None, or several: with their names.
 fn choose(names: &[String], wanted: Option<&str>, place: &str) -> Result<usize, Trouble> {
-    let all = || names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    let quoted = |names: &[&String]| names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ");
+    let all = || quoted(&names.iter().collect::<Vec<_>>());
     if names.is_empty() {
         return Err(Trouble::stop(format!("{place} has no output that is lit"), "connect the screen and switch it on"));
     }
@@ -235,7 +236,10 @@ fn choose(names: &[String], wanted: Option<&str>, place: &str) -> Result<usize, 
             "name one of these; if the screen is missing, connect it and switch it on",
         )),
         _ => Err(Trouble::stop(
-            format!("several outputs are called like \"{wanted}\": {}", all()),
+            format!(
+                "several outputs are called like \"{wanted}\": {}",
+                quoted(&found.iter().map(|n| &names[*n]).collect::<Vec<_>>())
+            ),
             "give more of the name",
         )),
     }

@@ -27,9 +27,9 @@ pub struct Emitted {
 }
 
 impl Emitted {
-    /// A set that was shown through the curve `assumed` on a screen whose curve is `measured`.
-    pub fn of_set(set: &PatternSet, assumed: &EmitterCurve, measured: &EmitterCurve) -> Self {
-        let (assumed, measured) = (Emitter::new(assumed, Bits::Eight), Emitter::new(measured, Bits::Eight));
+    /// A set that was shown through the curve `assumed`, as codes of so many bits, on a screen whose curve is `measured`.
+    pub fn of_set(set: &PatternSet, bits: Bits, [assumed, measured]: [&EmitterCurve; 2]) -> Self {
+        let (assumed, measured) = (Emitter::new(assumed, bits), Emitter::new(measured, bits));
         let shown = |n: usize| {
             let mut pattern = set.pattern(n);
             pattern.values.iter_mut().for_each(|light| *light = measured.light(assumed.code(*light)));

@@ -77,6 +77,8 @@ pub struct ExplicitPack<'a> {
     pub functions: &'a [Function<'a>],
     /// The patterns that were shown.
     pub set: &'a PatternSet,
+    /// How deep its codes were.
+    pub bits: Bits,
     /// The screen's curve as it was taken for, and as it is.
     pub curves: [&'a EmitterCurve; 2],
     /// The white screen as light, the black one subtracted; shifted functions want it.
@@ -97,7 +99,7 @@ impl ExplicitPack<'_> {
         let total = (self.functions.len() + size.1.div_ceil(BLOCK_HEIGHT)) as u64;
         let mut progress = Progress::new("packing", Unit::Steps);
         let mut pictures = acquire::Photographs::new(size.0, size.1, folder_of(output));
-        let shown = Shown::new(self.set, self.curves);
+        let shown = Shown::new(self.set, self.bits, self.curves);
         // As many at a time as there are threads: their order stays, memory stays bounded.
         for group in self.functions.chunks(rayon::current_num_threads()) {
             let made: Vec<Result<Image>> = group.par_iter().map(|function| self.picture(function, &shown)).collect();
@@ -131,7 +133,7 @@ impl ExplicitPack<'_> {
     pub fn doubts(&self) -> Option<String> {
         let two_levels =
             self.wavelet().is_ok_and(|wavelet| wavelet == Wavelet::Haar) && matches!(self.set.kind(), Kind::Wavelet(_));
-        let shown = Shown::new(self.set, self.curves);
+        let shown = Shown::new(self.set, self.bits, self.curves);
         let off = |n: u16| (shown.light(f32::from(n) / 255.0) - f32::from(n) / 255.0).abs();
         let worst = (0..=255).map(off).fold(0.0, f32::max);
         (worst > STRAYS && !two_levels).then(|| {
@@ -193,8 +195,8 @@ struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    fn new(set: &'a PatternSet, [assumed, screen]: [&EmitterCurve; 2]) -> Self {
-        Self { set, assumed: Emitter::new(assumed, Bits::Eight), screen: Emitter::new(screen, Bits::Eight) }
+    fn new(set: &'a PatternSet, bits: Bits, [assumed, screen]: [&EmitterCurve; 2]) -> Self {
+        Self { set, assumed: Emitter::new(assumed, bits), screen: Emitter::new(screen, bits) }
     }
 
     fn light(&self, wanted: f32) -> f32 {

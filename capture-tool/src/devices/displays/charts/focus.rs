@@ -28,7 +28,8 @@ pub fn focus(size: (usize, usize), white: u16) -> Texels {
         star(&mut sheet, (x, y), small);
     }
     // Between the stars: along the sides, and beside the middle.
-    let block = (shorter / 7 / 12 * 12).max(12);
+    // Each third of it holds lines of 1, 2 and 3 pixels in whole pairs.
+    let block = (shorter / 7 / 36 * 36).max(36);
     let places = [(middle.0, edge), (middle.0, height - edge), (edge, middle.1), (width - edge, middle.1)];
     for place in places {
         lines(&mut sheet, place, block);
@@ -102,7 +103,7 @@ mod tests {
         assert!((lit - 0.5).abs() < 0.02, "{lit}");
         assert!(ring.iter().all(|code| *code == 0 || *code == 255));
         // Above the middle: lines of 1, 2 and 3 pixels.
-        let (edge, each) = (700 / 9 + 700 / 50 + 1, 700 / 7 / 12 * 12 / 3);
+        let (edge, each) = (700 / 9 + 700 / 50 + 1, 700 / 7 / 36 * 36 / 3);
         let (left, top) = (450 - each * 2, edge - each);
         for (n, width) in WIDTHS.into_iter().enumerate() {
             let from = left + n as i64 * each;

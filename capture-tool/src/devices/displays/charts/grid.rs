@@ -89,7 +89,7 @@ fn circles(sheet: &mut Sheet) {
 /// Four colours, each with its name where there is room.
 fn corners(sheet: &mut Sheet, wordy: bool) {
     let (width, height) = (sheet.size().0 as i64, sheet.size().1 as i64);
-    let side = (width.min(height) / 14).max(2);
+    let side = (width.min(height) / 14).max(4);
     let (right, bottom) = (width - side, height - side);
     for ((words, colour), (x, y)) in CORNERS.into_iter().zip([(0, 0), (right, 0), (right, bottom), (0, bottom)]) {
         sheet.fill([x, y, side, side], colour);
@@ -160,10 +160,11 @@ mod tests {
             let yellow: Vec<usize> = (0..size.0).filter(|x| at(*x, (size.1 - 1) / 2) == [white, 883, 0]).collect();
             assert_eq!(yellow[0], right - yellow[yellow.len() - 1], "{size:?}");
         }
-        let empty = (300, 200);
-        let chart = grid(empty, 20, 255);
-        assert_eq!(chart.codes[20 * 300 + 47], [90; 3], "row 20 is a line");
-        assert_eq!(chart.codes[22 * 300 + 100], [90; 3], "column 100 is a line");
+        // Lines lie between what lies over them.
+        let chart = grid((300, 200), 20, 255);
+        let lines = |pixels: &mut dyn Iterator<Item = usize>| pixels.filter(|at| chart.codes[*at] == [90; 3]).count();
+        assert!(lines(&mut (20 * 300..21 * 300)) > 150 && lines(&mut (21 * 300..22 * 300)) < 20, "row 20, not 21");
+        assert!(lines(&mut (100..60000).step_by(300)) > 100 && lines(&mut (101..60000).step_by(300)) < 20);
         assert_eq!((usual_step((1920, 1080)), usual_step((3, 3))), (100, 4));
     }
 }

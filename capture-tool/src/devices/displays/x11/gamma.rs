@@ -13,6 +13,12 @@ impl Gamma {
         self.channels.iter().map(Vec::len).min().unwrap_or(0)
     }
 
+    /// Has nobody written it? So it is on servers without a graphics card (Xvfb), which keep one and use none. (A card with such a table
+    /// would show black alone.)
+    pub fn is_unwritten(&self) -> bool {
+        self.len() > 0 && self.channels.iter().flatten().all(|value| *value == 0)
+    }
+
     /// Do codes up to `white` come out as they went in? Tables are of 16 bits and cards keep fewer, by rounding or by cutting off, so
     /// an entry may be half a code too large or one too small.
     pub fn is_identity(&self, white: u16) -> bool {
@@ -74,6 +80,7 @@ mod tests {
         one.channels[1][128] += 200;
         assert!(!one.is_identity(255), "one entry alone");
         assert!(!Gamma { channels: [vec![], vec![], vec![]] }.is_identity(255), "no table says nothing");
-        assert!(!table(256, |_| 0.0).is_identity(255));
+        let zeros = table(256, |_| 0.0);
+        assert!(!zeros.is_identity(255) && zeros.is_unwritten() && !night.is_unwritten());
     }
 }

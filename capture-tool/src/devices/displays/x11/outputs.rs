@@ -139,7 +139,7 @@ impl Output {
                 format!("set its own resolution without scaling (xrandr --output {} --auto --scale 1x1)", self.name),
             ));
         }
-        if any_gamma || self.gamma.is_identity(white) {
+        if any_gamma || self.gamma.is_identity(white) || self.gamma.is_unwritten() {
             return Ok(());
         }
         let advice = "switch off night light, redshift and colour profiles for it (or set any_gamma = true under [devices] \
@@ -158,6 +158,7 @@ impl Output {
         let rate = self.refresh_hz.map_or_else(String::new, |rate| format!(", {rate:.2} Hz"));
         let gamma = match self.gamma.len() {
             0 | 1 => "gamma table not readable",
+            _ if self.gamma.is_unwritten() => "gamma table: none is in use",
             _ if self.gamma.is_identity(white) => "gamma table: identity",
             _ => "gamma table: NOT the identity",
         };
