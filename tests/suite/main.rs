@@ -26,6 +26,7 @@ mod patterns;
 mod photographs;
 mod plugin;
 mod probe;
+mod real_stage;
 mod relight_effect;
 mod screen;
 #[cfg(unix)]
