@@ -1,5 +1,6 @@
 //! What Relume's end-to-end tests share: [`host`], our own OpenFX host, and the ways to the built products.
 
+pub mod camera;
 pub mod host;
 
 use std::env;

@@ -1,5 +1,6 @@
 //! The one integration test binary.
 
+mod cameras;
 mod capture;
 mod cli;
 mod cli_sets;
@@ -26,6 +27,7 @@ mod patterns;
 mod photographs;
 mod plugin;
 mod probe;
+mod real_stage;
 mod relight_effect;
 mod screen;
 #[cfg(unix)]
