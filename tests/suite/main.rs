@@ -25,3 +25,4 @@ mod plugin;
 mod probe;
 mod relight_effect;
 mod screen;
+mod screens;
