@@ -84,7 +84,12 @@ impl Set<'_> {
             };
             shots.push(Shot { file, exposure, thumbnail: delivered.thumbnail.map(Arc::new) });
         }
-        Ok(shots)
+        // What came between lamp or screen and object in mid-exposure makes it another condition's photograph.
+        match self.rig.stayed() {
+            Err(Trouble::Busy(what)) => Err(Trouble::stop(what, "keep it from happening, and go on")),
+            Err(other) => Err(other),
+            Ok(()) => Ok(shots),
+        }
     }
 
     /// Sets the camera and believes what it reads back; asks twice when that is something else.

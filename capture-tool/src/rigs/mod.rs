@@ -48,6 +48,14 @@ pub trait Rig {
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn emit(&mut self, step: &Step) -> Result<(), Trouble>;
 
+    /// Did what was emitted stay as it was? Asked when the exposures of a step are over, before its photograph counts.
+    ///
+    /// # Errors
+    /// What came between: the photograph is not kept.
+    fn stayed(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
+
     /// Lamps off or screen black, motors held. Called at the end, however it comes about.
     ///
     /// # Errors

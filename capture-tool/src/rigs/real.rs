@@ -138,6 +138,10 @@ impl Rig for RealRig {
         self.light(&step.condition)
     }
 
+    fn stayed(&mut self) -> Result<(), Trouble> {
+        self.parts.display.as_mut().map_or(Ok(()), |(display, _)| display.stayed())
+    }
+
     /// All devices are tried, whatever the others do.
     fn dark(&mut self) -> Result<(), Trouble> {
         let parts = &mut self.parts;
@@ -164,6 +168,10 @@ impl Rig for Rehearsed {
     fn emit(&mut self, step: &Step) -> Result<(), Trouble> {
         self.real.emit(step)?;
         self.virtual_rig.emit(step)
+    }
+
+    fn stayed(&mut self) -> Result<(), Trouble> {
+        self.real.stayed()
     }
 
     fn dark(&mut self) -> Result<(), Trouble> {

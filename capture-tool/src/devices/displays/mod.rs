@@ -6,7 +6,7 @@
 //! | driver | confirmation | gamma table | bits |
 //! |---|---|---|---|
 //! | [`x11`] | the Present extension tells when a picture is on the screen | read before and after each picture | 8, or 10 at depth 30 |
-//! | [`window`] | none: `settle_s` alone | not read | 8 |
+//! | [`window`] | none: `settle_s` alone | as above under X11, else not read | 8 |
 //!
 //! [`charts`] are for setting up: a grid, and what to focus on.
 
@@ -58,6 +58,12 @@ pub trait Display {
     /// # Errors
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn show(&mut self, texels: &Texels) -> Result<(), Trouble>;
+
+    /// Is what was shown last still what is seen?
+    ///
+    /// # Errors
+    /// What came between: a window, another mode, another gamma table.
+    fn stayed(&mut self) -> Result<(), Trouble>;
 
     /// All black.
     ///
@@ -147,6 +153,10 @@ impl Display for OnPanel {
         self.panel.check()?;
         self.panel.put(texels, &self.layout)?;
         self.panel.rest(self.settle)?;
+        self.panel.still()
+    }
+
+    fn stayed(&mut self) -> Result<(), Trouble> {
         self.panel.still()
     }
 
