@@ -63,7 +63,8 @@ pub fn bundle() -> PathBuf {
 pub fn relume() -> PathBuf {
     static RELUME: OnceLock<PathBuf> = OnceLock::new();
     let build = || {
-        cargo(&["build", "-q", "-p", "relume"]);
+        // Of the whole workspace, as the tests themselves: dependencies then have the same features and are built once.
+        cargo(&["build", "-q", "--workspace", "--bins"]);
         target_dir().join("debug").join(format!("relume{}", env::consts::EXE_SUFFIX))
     };
     RELUME.get_or_init(build).clone()

@@ -15,6 +15,9 @@ mod projection;
 mod rigs;
 mod session;
 mod sheet;
+#[cfg(unix)]
+mod simulators;
+mod watchdog;
 
 use std::io::Write;
 use std::process::ExitCode;

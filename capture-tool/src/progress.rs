@@ -4,7 +4,7 @@
 //! every output is either whole or gone.
 
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -17,6 +17,8 @@ const WATCH: Duration = Duration::from_millis(300);
 
 /// Requests to stop.
 static STOPS: AtomicU32 = AtomicU32::new(0);
+/// What the watchdog is told of.
+static SIGNS: AtomicU64 = AtomicU64::new(0);
 /// Devices are on: the second request gives up the step in flight but switches off first.
 static DEVICES: AtomicBool = AtomicBool::new(false);
 
@@ -38,11 +40,17 @@ pub fn listen_for_ctrl_c() {
     let _ = ctrlc::set_handler(on_signal);
 }
 
+/// Signs of life so far: work that goes on, or waits for something, gives them by [`check`] and [`check_urgent`].
+pub fn signs() -> u64 {
+    SIGNS.load(Ordering::Relaxed)
+}
+
 /// Stops if that was asked for.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
 pub fn check() -> relume_core::Result<()> {
+    SIGNS.fetch_add(1, Ordering::Relaxed);
     if STOPS.load(Ordering::Relaxed) > 0 { Err(Error::Cancelled) } else { Ok(()) }
 }
 
@@ -51,6 +59,7 @@ pub fn check() -> relume_core::Result<()> {
 /// # Errors
 /// [`Error::Cancelled`].
 pub fn check_urgent() -> relume_core::Result<()> {
+    SIGNS.fetch_add(1, Ordering::Relaxed);
     if STOPS.load(Ordering::Relaxed) > 1 { Err(Error::Cancelled) } else { Ok(()) }
 }
 

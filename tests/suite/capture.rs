@@ -561,9 +561,10 @@ fn every_rig_that_ships_loads() {
     assert!(rigs.len() >= 6, "{rigs:?}");
     let samples = |name: &str| match name {
         "virtual-stage.toml" => 320,
-        "virtual-monitor.toml" => 256,
+        "stage-devices.toml" => 288,
+        "virtual-monitor.toml" | "monitor-devices.toml" => 256,
         "virtual-gantry.toml" => 24 * 144,
-        "thesis-gantry-224.toml" | "thesis-gantry-56.toml" => 57344,
+        "thesis-gantry-224.toml" | "thesis-gantry-56.toml" | "gantry-devices.toml" => 57344,
         "thesis-arc.toml" => 1280,
         "home-dome-49.toml" => 49,
         "full-sphere-331.toml" => 331,

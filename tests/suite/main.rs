@@ -5,6 +5,8 @@ mod cli;
 mod cli_sets;
 mod compact;
 mod compression;
+#[cfg(unix)]
+mod devices;
 mod dual;
 mod evaluate;
 mod exchange;
@@ -26,3 +28,5 @@ mod probe;
 mod relight_effect;
 mod screen;
 mod screens;
+#[cfg(unix)]
+mod simulated;

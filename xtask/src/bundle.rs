@@ -113,7 +113,10 @@ fn info_plist() -> String {
 fn library(release: bool) -> Result<PathBuf> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
-    command.current_dir(root()?).args(["build", "--package", PACKAGE, "--lib"]);
+    // Development builds are of the whole workspace, as `cargo test` builds it: dependencies then have the same features and are
+    // built once.
+    let what: &[&str] = if release { &["--package", PACKAGE] } else { &["--workspace"] };
+    command.current_dir(root()?).args(["build", "--lib"]).args(what);
     command.arg("--message-format=json-render-diagnostics").stderr(Stdio::inherit());
     if let Some(folder) = std::env::var_os("CARGO_TARGET_DIR") {
         // Cargo would take a relative one from the folder it is started in, which is no longer the caller's.

@@ -31,6 +31,7 @@ pub mod scan;
 mod shoot;
 
 use relume_core::Result;
+pub use shoot::{seconds, words};
 
 use crate::rigs::Condition;
 use crate::session::{Photograph, Role};

@@ -208,12 +208,14 @@ impl Run<'_> {
             role: step.role,
             redo_of,
             frames: Vec::new(),
+            beside: Vec::new(),
             time,
             seconds: (begun.elapsed().as_secs_f64() * 1e4).round() / 1e4,
             remarks: remarks.clone(),
         };
         let files: Vec<_> = shots.iter().map(|shot| (shot.file.clone(), shot.exposure)).collect();
-        session.finish(folder, &files, photograph)?;
+        let beside: Vec<_> = shots.iter().flat_map(|shot| shot.beside.iter().cloned()).collect();
+        session.finish(folder, &files, &beside, photograph)?;
         self.taken += 1;
         let times: Vec<String> = shots.iter().map(|shot| seconds(shot.exposure.time_s)).collect();
         let mut line = format!("{number:6}  {}, {}", step.condition, times.join(" "));

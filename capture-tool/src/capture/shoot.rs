@@ -35,6 +35,8 @@ pub struct Set<'a> {
 pub struct Shot {
     /// The file that counts.
     pub file: PathBuf,
+    /// Others of the same exposure.
+    pub beside: Vec<PathBuf>,
     /// As read back.
     pub exposure: Exposure,
     /// Codes, small.
@@ -76,20 +78,18 @@ impl Set<'_> {
                 }
             }
             let exposure = delivered.exposure.unwrap_or(exposure);
-            let Some(file) = delivered.files.into_iter().next() else {
-                return Err(Trouble::Stop {
-                    what: "the camera delivered no file".to_owned(),
-                    advice: "check that it stores pictures and that its card has room".to_owned(),
-                });
+            let mut files = delivered.files.into_iter();
+            let Some(file) = files.next() else {
+                return Err(Trouble::stop(
+                    "the camera delivered no file",
+                    "check that it stores pictures and that its card has room",
+                ));
             };
-            shots.push(Shot { file, exposure, thumbnail: delivered.thumbnail.map(Arc::new) });
+            let thumbnail = delivered.thumbnail.map(Arc::new);
+            shots.push(Shot { file, beside: files.collect(), exposure, thumbnail });
         }
-        // What came between lamp or screen and object in mid-exposure makes it another condition's photograph.
-        match self.rig.stayed() {
-            Err(Trouble::Busy(what)) => Err(Trouble::stop(what, "keep it from happening, and go on")),
-            Err(other) => Err(other),
-            Ok(()) => Ok(shots),
-        }
+        self.patiently(|set| set.rig.confirm())?;
+        Ok(shots)
     }
 
     /// Sets the camera and believes what it reads back; asks twice when that is something else.
@@ -136,7 +136,8 @@ fn same(wanted: &Exposure, took: &Exposure) -> bool {
     close(wanted.time_s, took.time_s) && known(wanted.iso, took.iso) && known(wanted.f_number, took.f_number)
 }
 
-fn words(exposure: &Exposure) -> String {
+/// As in "1/60 s, ISO 100, f/8".
+pub fn words(exposure: &Exposure) -> String {
     let mut text = seconds(exposure.time_s);
     if let Some(iso) = exposure.iso {
         text += &format!(", ISO {iso}");

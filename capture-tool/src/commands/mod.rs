@@ -6,6 +6,7 @@ mod capture;
 mod compare;
 mod compress;
 mod demo;
+mod devices;
 mod dual;
 mod evaluate;
 mod export;
@@ -13,6 +14,7 @@ mod hdr;
 mod import;
 mod info;
 mod inspect;
+mod jog;
 mod layer;
 mod light_flags;
 mod lightings;
@@ -23,6 +25,7 @@ mod pack;
 mod patterns;
 mod probe;
 mod relight;
+mod rig;
 mod show;
 mod surface;
 #[cfg(test)]
@@ -39,6 +42,13 @@ pub enum Command {
     Demo(demo::Arguments),
     /// Photograph an object on a rig: every condition that a field needs, into a session that nothing is lost from.
     Capture(capture::Arguments),
+    /// List the cameras, serial ports and screens that are connected, and what they can do.
+    Devices(devices::Arguments),
+    /// Check a rig, write a rig file, put lamps out, rehearse with boards that are not there.
+    #[command(subcommand)]
+    Rig(rig::Task),
+    /// Move a turntable or an arm, or ask where it is.
+    Jog(jog::Arguments),
     /// Make a field of a session: merge, calibrate, correct, check.
     Pack(pack::Arguments),
     /// Join parts of a field that were solved apart (`pack --tiles`).
@@ -98,6 +108,9 @@ impl Command {
         match self {
             Command::Demo(arguments) => arguments.run(),
             Command::Capture(arguments) => arguments.run(),
+            Command::Devices(arguments) => arguments.run(),
+            Command::Rig(task) => task.run(),
+            Command::Jog(arguments) => arguments.run(),
             Command::Pack(arguments) => arguments.run(),
             Command::Merge(arguments) => arguments.run(),
             Command::Dual(arguments) => arguments.run(),

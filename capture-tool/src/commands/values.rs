@@ -225,6 +225,21 @@ pub fn share(text: &str) -> Result<f64, String> {
     if (0.0..=1.0).contains(&share) { Ok(share) } else { Err("not a share, 0 to 1".to_owned()) }
 }
 
+/// An exposure time as photographers write it: 1/60, 0.5, 30; seconds.
+pub fn exposure_time(text: &str) -> Result<f64, String> {
+    let time = match text.split_once('/') {
+        Some((over, under)) => finite(over.trim())? / finite(under.trim())?,
+        None => finite(text)?,
+    };
+    if time > 0.0 && time.is_finite() { Ok(time) } else { Err("not a time such as 1/60 or 0.5".to_owned()) }
+}
+
+/// A short time, seconds.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    let seconds = finite(text)?;
+    if (0.0..=60.0).contains(&seconds) { Ok(seconds) } else { Err("not a time from 0 to 60 seconds".to_owned()) }
+}
+
 /// A finite number.
 pub fn finite(text: &str) -> Result<f64, String> {
     match f64::from_str(text) {

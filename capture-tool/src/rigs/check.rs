@@ -113,6 +113,11 @@ impl RigFile {
             *lamps = lamps.clone().resolved(folder_of(path))?;
             lamps.check(&format!("{place}, {table}"))?;
         }
+        if let Some(devices) = rig.devices.take() {
+            let devices = devices.resolved(folder_of(path));
+            devices.check(&place, &rig)?;
+            rig.devices = Some(devices);
+        }
         Ok(rig)
     }
 
@@ -277,12 +282,19 @@ impl RigFile {
     }
 }
 
-fn refuse(place: &str, key: &str, found: String, expected: &str) -> Result<()> {
+/// Refuses a key.
+///
+/// # Errors
+/// Always.
+pub fn refuse(place: &str, key: &str, found: String, expected: &str) -> Result<()> {
     Err(Error::invalid(format!("{place}, {key}"), found, expected))
 }
 
 /// Refuses the first number that is out of its range.
-fn in_range<T: PartialOrd + Display>(place: &str, numbers: &[(&str, T, RangeInclusive<T>)]) -> Result<()> {
+///
+/// # Errors
+/// That.
+pub fn in_range<T: PartialOrd + Display>(place: &str, numbers: &[(&str, T, RangeInclusive<T>)]) -> Result<()> {
     match numbers.iter().find(|(_, value, range)| !range.contains(value)) {
         None => Ok(()),
         Some((key, value, range)) => {

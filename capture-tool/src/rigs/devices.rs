@@ -1,5 +1,5 @@
 //! The `[devices]` table of a rig file: which real devices a rig has, and how they are driven. Every key is explained in
-//! `presets/rigs/devices-explained.toml`.
+//! `presets/rigs/stage-devices.toml`.
 
 use std::path::PathBuf;
 

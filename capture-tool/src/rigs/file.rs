@@ -344,6 +344,15 @@ impl RigFile {
         self.devices.as_ref().is_none_or(|devices| devices.camera == CameraDevice::Virtual)
     }
 
+    /// Do the devices of two rigs make the same light of a condition, whatever ports they are plugged into?
+    pub fn same_light(&self, other: &Self) -> bool {
+        let level = |rig: &Self| {
+            let lamps = rig.devices.as_ref().and_then(|devices| devices.lamps.as_ref());
+            lamps.map(|lamps| lamps.wiring().level)
+        };
+        (self.is_virtual(), self.bits(), level(self)) == (other.is_virtual(), other.bits(), level(other))
+    }
+
     /// Columns and rows of the patterns that the screen or projector shows.
     ///
     /// # Errors

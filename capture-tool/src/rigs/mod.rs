@@ -15,6 +15,7 @@
 
 mod cache;
 mod check;
+mod check_devices;
 mod condition;
 mod devices;
 mod file;
@@ -25,7 +26,7 @@ pub mod virtual_emitter;
 pub mod virtual_stage;
 
 pub use condition::Condition;
-pub use devices::{AxesDevice, Axis, CameraDevice, Counts, Devices, LampsDevice, ScreenDevice, ScreenLook, Wiring};
+pub use devices::{AxesDevice, Axis, CameraDevice, Counts, LampsDevice, ScreenDevice, ScreenLook, Wiring};
 pub use file::{
     CameraRig, GantryRig, Kind, MonitorRig, PartsChoice, ResponseChoice, RigFile, SceneChoice, SensorResponseChoice,
     StageRig,
@@ -48,11 +49,12 @@ pub trait Rig {
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn emit(&mut self, step: &Step) -> Result<(), Trouble>;
 
-    /// Did what was emitted stay as it was? Asked when the exposures of a step are over, before its photograph counts.
+    /// Is what was emitted still there, now that it has been exposed? A board that restarted meanwhile, a table that was pushed or a window
+    /// before the screen spoil a photograph, which is then not kept.
     ///
     /// # Errors
-    /// What came between: the photograph is not kept.
-    fn stayed(&mut self) -> Result<(), Trouble> {
+    /// As [`Rig::emit`].
+    fn confirm(&mut self) -> Result<(), Trouble> {
         Ok(())
     }
 

@@ -116,7 +116,7 @@ impl VirtualStage {
                 let mut weights = vec![[0.0; 3]; self.directions.len()];
                 let per_stop = self.stage.lamps.per_stop();
                 (stop * per_stop..(stop + 1) * per_stop).for_each(|lamp| weights[lamp] = bulb(lamp));
-                lit(&self.transport, weights)
+                lit_by(&self.transport, weights)
             }
             Condition::WhiteBall(lamp) => {
                 let setting = self.rig.calibration.white_ball.as_ref();
@@ -142,6 +142,31 @@ impl VirtualStage {
                 "a lamp, all lamps, black, a white ball, a card or a chart",
             )),
         }
+    }
+
+    /// Light at a stop under lamps of an arc that shine with these shares of their full brightness, ambient light included;
+    /// without drift.
+    ///
+    /// # Errors
+    /// The scene's file.
+    pub fn under(&self, shares: &[f32], stop: usize) -> Result<Image> {
+        let first = stop * self.stage.lamps.per_stop();
+        let lit: Vec<usize> = (0..shares.len()).filter(|bulb| shares[*bulb] > 0.0).collect();
+        let mut light = match lit[..] {
+            [] => self.light(&Condition::Black { stop })?,
+            [bulb] => {
+                let mut light = self.light(&Condition::Lamp(first + bulb))?;
+                light.data_mut().iter_mut().for_each(|v| *v *= shares[bulb]);
+                light
+            }
+            _ => {
+                let mut weights = vec![[0.0; 3]; self.directions.len()];
+                lit.iter().for_each(|bulb| weights[first + bulb] = self.irradiances[*bulb].map(|e| e * shares[*bulb]));
+                lit_by(&self.transport, weights)?
+            }
+        };
+        light.data_mut().iter_mut().zip(self.ambient.data()).for_each(|(v, s)| *v += s);
+        Ok(light)
     }
 
     fn camera(&self) -> Camera {
@@ -221,7 +246,7 @@ pub fn irradiances(rig: &RigFile, bulbs: usize) -> Vec<[f32; 3]> {
 }
 
 /// The picture under lamps.
-fn lit(transport: &Asset, irradiances: Vec<[f32; 3]>) -> Result<Image> {
+fn lit_by(transport: &Asset, irradiances: Vec<[f32; 3]>) -> Result<Image> {
     let weights = Weights::of_lamps(irradiances);
     let window = Rectangle::full(transport.width(), transport.height());
     let mut pictures = apply(transport.samples()?, &[&weights], window)?;
@@ -233,7 +258,7 @@ fn under_constant(transport: &Asset, radiance: f32) -> Result<Image> {
     let domain = transport.directions()?;
     // Equal parts of the covered solid angle: ambient light need not be exact, only smooth and known.
     let part = (domain.covered_solid_angle() / domain.len() as f64) as f32;
-    lit(transport, vec![[radiance * part; 3]; domain.len()])
+    lit_by(transport, vec![[radiance * part; 3]; domain.len()])
 }
 
 /// Where the traced scene of a rig lies.

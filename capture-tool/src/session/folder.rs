@@ -101,7 +101,7 @@ impl Session {
     }
 
     /// Makes a photograph part of the session: its files are synced, get their name, and the journal its line. `files` are
-    /// those in the folder with their exposures; the numbers and files of `photograph` are filled in here.
+    /// those in the folder that count, with their exposures, `beside` the others; the numbers and files of `photograph` are filled in here.
     ///
     /// # Errors
     /// The disk's. Then the photograph is not part of the session.
@@ -109,12 +109,14 @@ impl Session {
         &mut self,
         mut folder: PhotoFolder,
         files: &[(PathBuf, Exposure)],
+        beside: &[PathBuf],
         mut photograph: Photograph,
     ) -> Result<()> {
         let name = format!("{:06}", folder.number);
         photograph.number = folder.number;
         photograph.frames =
-            files.iter().map(|(path, exposure)| frame(path, &name, *exposure)).collect::<Result<_>>()?;
+            files.iter().map(|(path, exposure)| frame(path, &name, Some(*exposure))).collect::<Result<_>>()?;
+        photograph.beside = beside.iter().map(|path| frame(path, &name, None)).collect::<Result<_>>()?;
         sync_folder(&folder.path)?;
         let photos = self.root.join("photos");
         let to = photos.join(&name);
@@ -191,11 +193,11 @@ impl Drop for PhotoFolder {
 }
 
 /// Syncs and hashes a file that will lie in `photos/NAME/`.
-fn frame(path: &Path, name: &str, exposure: Exposure) -> Result<Frame> {
+fn frame(path: &Path, name: &str, exposure: Option<Exposure>) -> Result<Frame> {
     File::open(path).and_then(|file| file.sync_all()).map_err(|source| Error::io("sync", path, source))?;
     let (bytes, blake3) = file_hash(path)?;
     let file = format!("photos/{name}/{}", path.file_name().unwrap_or_default().to_string_lossy());
-    Ok(Frame { file, exposure: Some(exposure), bytes, blake3 })
+    Ok(Frame { file, exposure, bytes, blake3 })
 }
 
 /// Length and BLAKE3 (hexadecimal) of a file.
@@ -218,6 +220,6 @@ fn damaged(root: &Path, photographs: &[Photograph]) -> HashSet<u64> {
         length == Some(frame.bytes)
             && (n < hashed_from || file_hash(&path).is_ok_and(|(_, blake3)| blake3 == frame.blake3))
     };
-    let is_damaged = |(n, p): (usize, &Photograph)| (!p.frames.iter().all(|f| whole(n, f))).then_some(p.number);
+    let is_damaged = |(n, p): (usize, &Photograph)| (!p.files().all(|f| whole(n, f))).then_some(p.number);
     photographs.iter().enumerate().filter_map(is_damaged).collect()
 }

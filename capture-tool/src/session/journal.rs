@@ -48,6 +48,9 @@ pub struct Photograph {
     pub redo_of: Option<u64>,
     /// Files, short exposures first.
     pub frames: Vec<Frame>,
+    /// What the camera made beside them, as the raw file of RAW + JPEG: kept, not read.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<Frame>,
     /// When it was finished, UTC. For people: nothing depends on it, clocks jump.
     pub time: String,
     /// How long it took, by a clock that does not jump.
@@ -55,6 +58,13 @@ pub struct Photograph {
     /// What the operator was told of it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
+}
+
+impl Photograph {
+    /// All files: those that count, then what lies beside them.
+    pub fn files(&self) -> impl Iterator<Item = &Frame> {
+        self.frames.iter().chain(&self.beside)
+    }
 }
 
 /// What a photograph is for.
@@ -237,7 +247,7 @@ fn check_numbers(lines: &[Line], path: &Path) -> Result<()> {
         let outside = |frame: &&Frame| {
             Path::new(&frame.file).components().any(|part| !matches!(part, std::path::Component::Normal(_)))
         };
-        if let Some(frame) = photograph.frames.iter().find(outside) {
+        if let Some(frame) = photograph.files().find(outside) {
             return Err(Error::invalid(place(), format!("the file `{}`", frame.file), "a path inside the session"));
         }
         if photograph.frames.is_empty() {

@@ -119,6 +119,7 @@ fn line(root: &Path, before: usize, photograph: &Path, condition: Condition, rol
         role,
         redo_of: None,
         frames: vec![frame],
+        beside: Vec::new(),
         time: jiff::Timestamp::now().to_string(),
         seconds: 0.0,
         remarks: Vec::new(),

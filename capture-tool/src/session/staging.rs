@@ -105,6 +105,7 @@ fn imported(number: u64, frame: Frame) -> Line {
         role: Role::Sample,
         redo_of: None,
         frames: vec![frame],
+        beside: Vec::new(),
         time: jiff::Timestamp::now().to_string(),
         seconds: 0.0,
         remarks: Vec::new(),

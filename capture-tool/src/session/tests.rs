@@ -26,6 +26,7 @@ fn photograph(step: u64) -> Photograph {
         role: Role::Sample,
         redo_of: None,
         frames: Vec::new(),
+        beside: Vec::new(),
         time: String::new(),
         seconds: 0.25,
         remarks: Vec::new(),
@@ -38,7 +39,7 @@ fn shoot(session: &mut Session, step: u64) {
     let folder = session.begin().unwrap();
     let file = folder.path().join("a.png");
     fs::write(&file, format!("photograph of step {step}")).unwrap();
-    session.finish(folder, &[(file, EXPOSURE)], photograph(step)).unwrap();
+    session.finish(folder, &[(file, EXPOSURE)], &[], photograph(step)).unwrap();
 }
 
 fn session(root: &Path, steps: u64) -> Session {
@@ -118,7 +119,7 @@ fn a_photograph_that_is_not_finished_leaves_nothing() {
     // A file that is gone before it is part of the session.
     let begun = session.begin().unwrap();
     let absent = begun.path().join("absent.png");
-    assert!(session.finish(begun, &[(absent, EXPOSURE)], photograph(1)).is_err());
+    assert!(session.finish(begun, &[(absent, EXPOSURE)], &[], photograph(1)).is_err());
     assert_eq!((names(&root.join("photos")).len(), session.photographs().count()), (1, 1));
 }
 

@@ -5,7 +5,7 @@ use std::io::BufReader;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use ::exif::{In, Reader, Tag, Value};
+use ::exif::{DateTime, Exif, In, Reader, Tag, Value};
 
 use crate::error::{Error, Result};
 
@@ -61,13 +61,46 @@ impl Exposure {
 
 type Tags = (f64, Option<f64>, Option<f64>);
 
-fn read_exif(file: File) -> Option<Tags> {
+/// When a photograph was taken by its camera's clock (EXIF `DateTimeOriginal`), in seconds from the beginning of 1970 there; to the
+/// second, or as `SubSecTimeOriginal` has it. Of a file that does not say, none.
+pub fn taken_s(path: &Path) -> Option<f64> {
+    let read = || {
+        let exif = exif_of(File::open(path).ok()?)?;
+        let text = |tag| match &exif.get_field(tag, In::PRIMARY)?.value {
+            Value::Ascii(lines) => lines.first().cloned(),
+            _ => None,
+        };
+        let at = DateTime::from_ascii(&text(Tag::DateTimeOriginal)?).ok()?;
+        let fraction = text(Tag::SubSecTimeOriginal).and_then(|digits| String::from_utf8(digits).ok());
+        let fraction = fraction.and_then(|digits| format!("0.{}", digits.trim()).parse::<f64>().ok());
+        Some(seconds_of(&at) + fraction.unwrap_or(0.0))
+    };
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_default()
+}
+
+/// Seconds from the beginning of 1970, as if every day had as many: days by the formula for the Gregorian calendar of Fliegel and Van
+/// Flandern (Communications of the ACM 11, 1968), which counts from a leap day by putting January and February behind their year.
+fn seconds_of(at: &DateTime) -> f64 {
+    let (year, month, day) = (i64::from(at.year), i64::from(at.month), i64::from(at.day));
+    let late = (month - 14) / 12;
+    let julian = day - 32075 + 1461 * (year + 4800 + late) / 4 + 367 * (month - 2 - late * 12) / 12
+        - 3 * ((year + 4900 + late) / 100) / 4;
+    let day_1970 = 2_440_588;
+    let seconds = i64::from(at.hour) * 3600 + i64::from(at.minute) * 60 + i64::from(at.second);
+    ((julian - day_1970) * 86_400 + seconds) as f64
+}
+
+fn exif_of(file: File) -> Option<Exif> {
     // A broken maker note must not hide the exposure time.
-    let exif = Reader::new()
+    Reader::new()
         .continue_on_error(true)
         .read_from_container(&mut BufReader::new(file))
         .or_else(|error| error.distill_partial_result(|_| {}))
-        .ok()?;
+        .ok()
+}
+
+fn read_exif(file: File) -> Option<Tags> {
+    let exif = exif_of(file)?;
     let number = |tag: Tag| match &exif.get_field(tag, In::PRIMARY)?.value {
         Value::Rational(v) => v.first().map(|r| r.to_f64()),
         Value::SRational(v) => v.first().map(|r| r.to_f64()),
@@ -207,6 +240,38 @@ mod tests {
         bytes.extend([0; 4]);
         bytes.extend([time.0, time.1, f_number.0, f_number.1].iter().flat_map(|v| v.to_le_bytes()));
         bytes
+    }
+
+    #[test]
+    fn days_are_counted_as_calendars_do() {
+        let at = |text: &[u8]| seconds_of(&DateTime::from_ascii(text).unwrap());
+        assert_eq!(at(b"1970:01:01 00:00:00"), 0.0);
+        // As `date -u -d ... +%s` has them.
+        assert_eq!(at(b"2000:02:29 12:34:56"), 951_827_696.0);
+        assert_eq!(at(b"2026:11:22 19:31:39"), 1_795_375_899.0);
+        assert_eq!(at(b"2100:03:01 00:00:00") - at(b"2100:02:28 00:00:00"), 86_400.0, "no leap year");
+    }
+
+    #[test]
+    fn the_time_of_taking_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.tif");
+        // A folder of one entry that leads to one of one entry, whose text follows.
+        let mut bytes = b"II*\0\x08\0\0\0\x01\0".to_vec();
+        let entry = |tag: u16, kind: u16, count: u32, value: u32| {
+            [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat()
+        };
+        bytes.extend(entry(0x8769, 4, 1, 26));
+        bytes.extend([0; 4]);
+        bytes.extend(1u16.to_le_bytes());
+        bytes.extend(entry(0x9003, 2, 20, 44));
+        bytes.extend([0; 4]);
+        bytes.extend(b"2000:02:29 12:34:56\0");
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(taken_s(&path), Some(951_827_696.0));
+        std::fs::write(&path, exif_block((1, 60), 400, (28, 10))).unwrap();
+        assert_eq!(taken_s(&path), None);
+        assert_eq!(taken_s(&folder.path().join("absent.jpg")), None);
     }
 
     #[test]

@@ -48,7 +48,7 @@ mod tests;
 
 pub use bracket::{Bracket, ToRec709, apply_matrix, is_raw};
 pub use curve::{Curve, Decoder};
-pub use exposure::{Exposure, Relative, parse_time, relative};
+pub use exposure::{Exposure, Relative, parse_time, relative, taken_s};
 pub use merge::{Merged, Merger, Options, Shot, merge};
 pub use noise::Noise;
 pub use patches::{Codes, Patch, Patches};

@@ -10,12 +10,13 @@ use crate::capture::patterns::Sets;
 use crate::devices::cameras::virtual_camera::{VirtualCamera, Window};
 use crate::devices::operator::AtTerminal;
 use crate::devices::rehearsal::Fault;
-use crate::devices::{Camera, Operator, axes, cameras, displays, lights};
+use crate::devices::{Camera, Operator, cameras};
 use crate::progress::{Progress, Unit};
 use crate::rigs::real::{Parts, RealRig, Rehearsed};
 use crate::rigs::virtual_emitter::VirtualEmitter;
 use crate::rigs::virtual_stage::VirtualStage;
-use crate::rigs::{Kind, Rig, RigFile, SensorResponseChoice, Shown};
+use crate::rigs::{Kind, Rig, RigFile, SensorResponseChoice};
+use crate::session::{Journal, photographs};
 
 /// The folder of a session with the pictures that `--reference` shows.
 pub const REFERENCES: &str = "references";
@@ -44,7 +45,10 @@ pub fn open(wanted: &Wanted<'_>) -> anyhow::Result<(Box<dyn Rig>, Box<dyn Camera
     let rig = wanted.rig;
     let Some(found) = &rig.devices else { return virtual_devices(wanted) };
     let operator: Arc<dyn Operator> = Arc::new(AtTerminal);
-    let real = RealRig::new(rig, parts(rig, wanted, &operator)?);
+    let parts = Parts::open(rig, wanted.sets.clone(), wanted.session.join(REFERENCES), &operator)?;
+    let lines = if is_begun(wanted.session) { Journal::read(wanted.session)? } else { Vec::new() };
+    let last = photographs(&lines).last().map(|photograph| &photograph.condition);
+    let real = RealRig::new(rig, parts, last);
     if rig.is_virtual() {
         let (virtual_rig, camera) = virtual_devices(wanted)?;
         return Ok((Box::new(Rehearsed { real, virtual_rig }), camera));
@@ -52,20 +56,8 @@ pub fn open(wanted: &Wanted<'_>) -> anyhow::Result<(Box<dyn Rig>, Box<dyn Camera
     Ok((Box::new(real), cameras::open(&found.camera, wanted.session, &operator)?))
 }
 
-/// Axes, lamps and screen of a rig of real devices.
-fn parts(rig: &RigFile, wanted: &Wanted<'_>, operator: &Arc<dyn Operator>) -> anyhow::Result<Parts> {
-    let found = rig.devices.as_ref();
-    let axes = found.and_then(|found| found.axes.as_ref()).map(|axes| axes::open(axes, operator)).transpose()?;
-    let bulbs = rig.stage.as_ref().map_or(0, |stage| stage.lamps.per_stop());
-    let lights = found.and_then(|found| found.lamps.as_ref()).map(|lamps| lights::open(lamps, bulbs)).transpose()?;
-    let display = match found.and_then(|found| found.screen.as_ref()) {
-        None => None,
-        Some(screen) => {
-            let shown = Shown::new(rig, wanted.sets.clone(), wanted.session.join(REFERENCES))?;
-            Some((displays::open(screen, rig.texels()?)?, shown))
-        }
-    };
-    Ok(Parts { axes, lights, display, operator: operator.clone() })
+fn is_begun(session: &Path) -> bool {
+    session.join("session.toml").is_file()
 }
 
 fn virtual_devices(wanted: &Wanted<'_>) -> anyhow::Result<(Box<dyn Rig>, Box<dyn Camera>)> {

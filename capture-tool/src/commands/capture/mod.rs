@@ -20,6 +20,7 @@ use crate::new_folder;
 use crate::pack::records::Records;
 use crate::rigs::{Condition, Kind, Rig, RigFile, virtual_emitter, virtual_stage};
 use crate::session::{CaptureDescription, Description, Role, Session, Source};
+use crate::watchdog::Watchdog;
 
 /// Steps from here on are pictures shown by `--reference`.
 const PICTURES: u64 = 1 << 32;
@@ -162,6 +163,10 @@ impl Arguments {
 
     fn job(&self) -> anyhow::Result<Job> {
         let (rig, sampler) = self.rig_and_sampler()?;
+        anyhow::ensure!(
+            self.rehearse.is_empty() || rig.is_virtual(),
+            "--rehearse is for virtual devices; `relume rig simulate` rehearses with real drivers"
+        );
         let (mut sets, mut steps) = steps(&rig, sampler)?;
         if let Some(positions) = &self.brute_force {
             anyhow::ensure!(
@@ -238,17 +243,19 @@ impl Arguments {
         }
         let found = Description::read(&self.session)?;
         let place = self.session.display();
-        let Source::Capture(capture) = found.source else {
+        let Source::Capture(mut capture) = found.source else {
             anyhow::bail!("{place}: a session of imported photographs; `relume pack` makes a field of it");
         };
         if let Some(path) = &self.rig {
             let mut rig = RigFile::read(path)?;
-            // How far explicit sampling goes is no part of what the rig is.
+            // How far explicit sampling goes is no part of what the rig is; nor is the port that a board is plugged into today.
             if let (Some(asked), Some(begun)) = (&mut rig.monitor, &capture.rig.monitor) {
                 (asked.functions, asked.threshold) = (begun.functions, begun.threshold);
             }
+            let same_light = rig.same_light(&capture.rig);
+            capture.rig.devices = rig.devices.clone();
             anyhow::ensure!(
-                rig == capture.rig,
+                rig == capture.rig && same_light,
                 "{}: not the rig that {place} was begun with; leave it out to go on, or begin a new session",
                 path.display()
             );
@@ -295,6 +302,9 @@ impl Arguments {
         if job.rig.is_virtual() {
             findings.push(virtual_scene(&job.rig, job.sampler)?);
         }
+        if job.rig.devices.is_some() {
+            findings.push(Finding::fine("devices: not asked by a plan; `relume rig check` tries them"));
+        }
         if !self.resume {
             findings.extend(new_folder::check(&self.session).err().map(|error| Finding::missing(error.to_string())));
         }
@@ -322,6 +332,7 @@ impl Arguments {
             copy_whole(path, &folder.join(name))?;
         }
         let mut sampler = self.sampler(job)?;
+        let _watchdog = Watchdog::start(rig)?;
         let ended = run(&mut session, rig, (&mut *emitter, &mut *camera), &mut *sampler, &job.limits);
         self.report(&session, job, &*sampler, ended)
     }

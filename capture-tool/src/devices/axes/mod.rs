@@ -1,9 +1,17 @@
 //! Turntable and arm.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`grbl`] | a board with GRBL on a serial port |
+//! | [`hand`] | the operator, who is asked to turn |
 
 use std::sync::Arc;
 
 use super::{Finding, Operator, Trouble};
 use crate::rigs::AxesDevice;
+
+pub mod grbl;
+pub mod hand;
 
 /// Where the axes are, or are to go; `None` for an axis that the rig does not have, or that stays.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -31,10 +39,28 @@ pub trait Axes {
     /// As [`Axes::home`]; a place outside the limits.
     fn go(&mut self, to: Place) -> Result<(), Trouble>;
 
+    /// Have they stayed where [`Axes::go`] brought them, the board never restarted since?
+    ///
+    /// # Errors
+    /// As [`Axes::home`]; that they have not.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
+
+    /// Moves by so much from wherever they stand, positions known or not: how an operator puts an axis at its zero. Returns when the
+    /// axes have arrived.
+    ///
+    /// # Errors
+    /// As [`Axes::home`]; axes without motors.
+    fn nudge(&mut self, by: Place) -> Result<(), Trouble> {
+        let _ = by;
+        Err(Trouble::stop("these axes have no motors", "move them by hand"))
+    }
+
     /// Where they are.
     ///
     /// # Errors
-    /// As [`Axes::home`].
+    /// As [`Axes::home`]; positions that are not known yet.
     fn place(&mut self) -> Result<Place, Trouble>;
 
     /// Stops where they are; motors stay energised.
@@ -48,6 +74,9 @@ pub trait Axes {
 ///
 /// # Errors
 /// No such port; a board that does not answer.
-pub fn open(device: &AxesDevice, _operator: &Arc<dyn Operator>) -> Result<Box<dyn Axes>, Trouble> {
-    Err(Trouble::stop(format!("{device:?}"), "not driven yet"))
+pub fn open(device: &AxesDevice, operator: &Arc<dyn Operator>) -> Result<Box<dyn Axes>, Trouble> {
+    Ok(match device {
+        AxesDevice::Grbl { .. } => Box::new(grbl::Grbl::open(device, operator)?),
+        AxesDevice::Hand => Box::new(hand::Hand::new(operator)),
+    })
 }

@@ -59,11 +59,13 @@ pub trait Display {
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn show(&mut self, texels: &Texels) -> Result<(), Trouble>;
 
-    /// Is what was shown last still what is seen?
+    /// Is the last picture still there, nothing before it, the gamma table as it was?
     ///
     /// # Errors
-    /// What came between: a window, another mode, another gamma table.
-    fn stayed(&mut self) -> Result<(), Trouble>;
+    /// As [`Display::show`]; that it is not.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
 
     /// All black.
     ///
@@ -156,8 +158,12 @@ impl Display for OnPanel {
         self.panel.still()
     }
 
-    fn stayed(&mut self) -> Result<(), Trouble> {
-        self.panel.still()
+    /// What came between is gone for good with the exposure: asked again, it would not be seen.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        match self.panel.still() {
+            Err(Trouble::Busy(what)) => Err(Trouble::stop(what, "keep it from happening, and go on")),
+            other => other,
+        }
     }
 
     fn dark(&mut self) -> Result<(), Trouble> {

@@ -1,7 +1,23 @@
 //! Lamps.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`patch`](self::patch) | which channel each lamp is on |
+//! | [`text`] | lines of text, as home-made domes take them |
+//! | [`dmx_usb_pro`] | an ENTTEC DMX USB Pro |
+//! | [`art_net`] | Art-Net over the network |
+//! | [`sacn`] | sACN (E1.31) over the network |
+//! | `stream` | what networks want: the same levels again and again |
 
 use super::{Finding, Trouble};
 use crate::rigs::LampsDevice;
+
+pub mod art_net;
+pub mod dmx_usb_pro;
+pub mod patch;
+pub mod sacn;
+mod stream;
+pub mod text;
 
 /// Lamps. Calls block; while they wait they look at [`crate::progress::check_urgent`].
 pub trait Lights {
@@ -15,6 +31,14 @@ pub trait Lights {
     /// [`Trouble::Busy`] when the same call may succeed soon; anything else ends the capture.
     fn show(&mut self, levels: &[u8]) -> Result<(), Trouble>;
 
+    /// Does the device still show what it was last told, as far as it can say?
+    ///
+    /// # Errors
+    /// As [`Lights::show`]; that it does not.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        Ok(())
+    }
+
     /// All lamps off, of every channel. Tries hard: also after an error, also when the port has to be opened again.
     ///
     /// # Errors
@@ -26,6 +50,16 @@ pub trait Lights {
 ///
 /// # Errors
 /// No such port or address; a board that does not answer.
-pub fn open(device: &LampsDevice, _lamps: usize) -> Result<Box<dyn Lights>, Trouble> {
-    Err(Trouble::stop(format!("{device:?}"), "not driven yet"))
+pub fn open(device: &LampsDevice, lamps: usize) -> Result<Box<dyn Lights>, Trouble> {
+    Ok(match device {
+        LampsDevice::Text { .. } => Box::new(text::Text::open(device, lamps)?),
+        LampsDevice::DmxUsbPro { .. } => Box::new(dmx_usb_pro::DmxUsbPro::open(device, lamps)?),
+        LampsDevice::ArtNet { .. } => Box::new(art_net::open(device, lamps)?),
+        LampsDevice::Sacn { .. } => Box::new(sacn::open(device, lamps)?),
+    })
+}
+
+/// The wrong opener was called.
+fn mistaken() -> Trouble {
+    Trouble::stop("lamps of one kind were to be opened as another", "this is a mistake in relume")
 }

@@ -235,7 +235,7 @@ fn capture(job: &Job<'_>) -> (usize, usize, Result<End, Trouble>) {
     let shown = || Shown::new(&rig, sets.clone(), folder.path().to_owned()).unwrap();
     let operator = Arc::new(Willing::default());
     let parts = Parts { axes: None, lights: None, display: Some((on_panel, shown())), operator };
-    let mut real = RealRig::new(&rig, parts);
+    let mut real = RealRig::new(&rig, parts, None);
     let description = CaptureDescription { sampler: "noise".to_owned(), seed: 1, rig: rig.clone() };
     let description = Description::new(Source::Capture(Box::new(description)));
     let mut session = Session::create(&folder.path().join("s"), description).unwrap();

@@ -1,0 +1,115 @@
+//! What goes wrong between a board and its driver, and when: from a seed, so that each bad day can be had again.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg32;
+
+/// Something that goes wrong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Strike {
+    /// Random bytes before an answer.
+    Garbage,
+    /// An answer is cut off in its middle.
+    HalfLine,
+    /// Answers come so much later.
+    Late(Duration),
+    /// An answer is lost.
+    LostReply,
+    /// What the driver sent is lost.
+    LostCommand,
+    /// The board restarts while it does something.
+    Reset,
+    /// The board stops by itself while it does something.
+    Alarm,
+    /// The cable is pulled.
+    HangUp,
+}
+
+/// A bad day: each strike comes after so many answers.
+pub struct Mischief {
+    strikes: Vec<(u32, Strike)>,
+    rng: Pcg32,
+    answers: u32,
+    struck: Vec<Strike>,
+    /// What was held back, and until when; all that comes behind waits as well.
+    held: VecDeque<(Instant, Vec<u8>)>,
+}
+
+impl Default for Mischief {
+    fn default() -> Self {
+        Self::new(Vec::new(), 0)
+    }
+}
+
+impl Mischief {
+    /// Strikes after numbers of answers; random bytes from a seed.
+    pub fn new(strikes: Vec<(u32, Strike)>, seed: u64) -> Self {
+        let rng = Pcg32::seed_from_u64(seed);
+        Self { strikes, rng, answers: 0, struck: Vec::new(), held: VecDeque::new() }
+    }
+
+    /// The first strike that is due and that `takes` accepts.
+    fn due(&mut self, takes: impl Fn(Strike) -> bool) -> Option<Strike> {
+        let at = self.strikes.iter().position(|(after, strike)| self.answers >= *after && takes(*strike))?;
+        let (_, strike) = self.strikes.remove(at);
+        self.struck.push(strike);
+        Some(strike)
+    }
+
+    /// What happens to the board itself, now that it is at work or rests.
+    pub fn to_board(&mut self, working: bool) -> Option<Strike> {
+        self.due(|strike| match strike {
+            Strike::Reset | Strike::Alarm => working,
+            Strike::HangUp => true,
+            _ => false,
+        })
+    }
+
+    /// Is what the driver sent lost?
+    pub fn swallows(&mut self) -> bool {
+        self.due(|strike| strike == Strike::LostCommand).is_some()
+    }
+
+    /// An answer goes out; it, and what happens to it, is kept until [`Mischief::ready`].
+    pub fn answer(&mut self, mut bytes: Vec<u8>) {
+        if bytes.is_empty() {
+            return;
+        }
+        self.answers += 1;
+        let mut until = Instant::now();
+        match self.due(|strike| {
+            matches!(strike, Strike::Garbage | Strike::HalfLine | Strike::Late(_) | Strike::LostReply)
+        }) {
+            Some(Strike::Garbage) => {
+                let count = self.rng.random_range(1..40);
+                let noise: Vec<u8> = (0..count).map(|_| self.rng.random()).collect();
+                let at = self.rng.random_range(0..=bytes.len());
+                bytes.splice(at..at, noise);
+            }
+            Some(Strike::HalfLine) => bytes.truncate(self.rng.random_range(0..bytes.len())),
+            Some(Strike::Late(by)) => until += by,
+            Some(Strike::LostReply) => return,
+            _ => {}
+        }
+        let after = self.held.back().map_or(until, |(last, _)| until.max(*last));
+        self.held.push_back((after, bytes));
+    }
+
+    /// The next answer whose time has come.
+    pub fn ready(&mut self) -> Option<Vec<u8>> {
+        let due = self.held.front().is_some_and(|(until, _)| *until <= Instant::now());
+        if due { self.held.pop_front().map(|(_, bytes)| bytes) } else { None }
+    }
+
+    /// When the next answer goes out.
+    pub fn next(&self) -> Option<Instant> {
+        self.held.front().map(|(until, _)| *until)
+    }
+
+    /// What has happened so far.
+    pub fn struck(&self) -> &[Strike] {
+        &self.struck
+    }
+}
