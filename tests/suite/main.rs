@@ -30,5 +30,6 @@ mod probe;
 mod real_stage;
 mod relight_effect;
 mod screen;
+mod screens;
 #[cfg(unix)]
 mod simulated;

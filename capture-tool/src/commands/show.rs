@@ -28,17 +28,19 @@ Examples:
   relume show grid:64 --to grid.png --size 1920x1200
 
 What:
-  grid, grid:N   border (one pixel inside the edge), a line every N pixels, cross, circles, steps of grey, and a
-                 coloured corner each: red top left, green top right, yellow bottom right, blue bottom left
-  focus          stars, lines 1, 2 and 3 pixels wide, single pixels, small letters
+  grid, grid:N  border one pixel inside the edge, a line every N pixels, cross, circles, greys;
+                corners red (top left), green (top right), yellow (bottom right), blue
+  focus         stars, lines 1, 2 and 3 pixels wide, single pixels, small letters
   white, black, red, green, blue
-  gray:X         the code X of white, 0 to 1: code 128 of 255 for 0.5. Codes are not light: through the sRGB curve
-                 this one is 0.21 of white's
-  SET:N          pattern N, from 1, of a set of --rig: noise, wavelet, squares, hv, gray-code, stripes, ramp
-  a file         a picture, its numbers as codes, each pixel as many of the output's as fit; larger ones are thinned out
+  gray:X        the code X of white, 0 to 1: gray:0.5 is 128 of 255. Codes are not light:
+                through the sRGB curve this one is 0.21 of white's
+  SET:N         pattern N, from 1, of the rig's noise, wavelet, squares, hv, gray-code,
+                stripes or ramp
+  FILE          a picture: its numbers are codes, each pixel as many of the output's as fit;
+                larger pictures are thinned out
 
-Charts and pictures fill the output, pixel by pixel. Greys, colours and patterns of a --rig are where its captures show
-them. Enter ends it here, Enter or Escape in the window.";
+Charts and pictures have the whole output. Greys, colours and patterns of a --rig are where its
+captures show them. Enter ends it, and Escape in the window.";
 
 /// Raw flags.
 #[derive(Debug, Args)]
@@ -379,7 +381,8 @@ mod tests {
     fn colours_and_patterns_lie_where_captures_show_them() {
         let path = Path::new("presets/rigs/virtual-monitor.toml");
         let text = std::fs::read_to_string(Path::new("..").join(path)).unwrap();
-        let rig = Some(RigFile::parse(&text, path).unwrap());
+        let screen = "[devices]\ncamera = { driver = \"virtual\" }\nscreen = { driver = \"x11\", bits = 10 }\n";
+        let rig = Some(RigFile::parse(&format!("{text}\n{screen}"), path).unwrap());
         let look = ScreenLook { output: None, texel_px: Some(2), bits: 10, settle_s: 0.0, any_gamma: false };
         let device = ScreenDevice::X11 { display: None, look };
         let plan = |what: What, rig: &Option<RigFile>| Plan { what, rig: rig.clone(), device: device.clone() };

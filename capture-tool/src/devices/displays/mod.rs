@@ -6,7 +6,7 @@
 //! | driver | confirmation | gamma table | bits |
 //! |---|---|---|---|
 //! | [`x11`] | the Present extension tells when a picture is on the screen | read before and after each picture | 8, or 10 at depth 30 |
-//! | [`window`] | none: `settle_s` alone | not read | 8 |
+//! | [`window`] | none: `settle_s` alone | as above under X11, else not read | 8 |
 //!
 //! [`charts`] are for setting up: a grid, and what to focus on.
 
@@ -156,6 +156,14 @@ impl Display for OnPanel {
         self.panel.put(texels, &self.layout)?;
         self.panel.rest(self.settle)?;
         self.panel.still()
+    }
+
+    /// What came between is gone for good with the exposure: asked again, it would not be seen.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        match self.panel.still() {
+            Err(Trouble::Busy(what)) => Err(Trouble::stop(what, "keep it from happening, and go on")),
+            other => other,
+        }
     }
 
     fn dark(&mut self) -> Result<(), Trouble> {

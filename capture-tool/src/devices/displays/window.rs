@@ -19,6 +19,7 @@ use winit::monitor::MonitorHandle;
 use winit::platform::pump_events::{EventLoopExtPumpEvents, PumpStatus};
 use winit::window::{Fullscreen, Window, WindowId};
 
+use super::x11::Witness;
 use super::{GLANCE, Layout, Panel, PixelFormat, Texels, choose};
 use crate::devices::{Finding, Trouble};
 use crate::progress;
@@ -61,6 +62,16 @@ impl Events {
     }
 }
 
+impl Events {
+    /// Is it X11's?
+    fn is_x11(&self) -> bool {
+        #[cfg(target_os = "linux")]
+        return self.0.as_ref().is_some_and(winit::platform::x11::EventLoopExtX11::is_x11);
+        #[cfg(not(target_os = "linux"))]
+        false
+    }
+}
+
 impl Drop for Events {
     fn drop(&mut self) {
         EVENTS.with(|kept| *kept.borrow_mut() = self.0.take());
@@ -76,6 +87,8 @@ struct WindowPanel {
     name: String,
     size: (usize, usize),
     appeared: bool,
+    /// Under X11, where winit 0.30 keeps the outputs as they were.
+    witness: Option<Witness>,
 }
 
 /// What the system calls back.
@@ -226,9 +239,10 @@ pub fn open(look: &ScreenLook) -> Result<Box<dyn Panel>, Trouble> {
     let names = names(&stage.monitors);
     let chosen = choose(&names, look.output.as_deref(), "the system")?;
     let (monitor, name) = (stage.monitors[chosen].clone(), names[chosen].clone());
+    let witness = if events.is_x11() { Witness::of(&name, look.any_gamma) } else { None };
     let PhysicalSize { width, height } = monitor.size();
     let size = (width as usize, height as usize);
-    Ok(Box::new(WindowPanel { stage, events, monitor, name, size, appeared: false }))
+    Ok(Box::new(WindowPanel { stage, events, monitor, name, size, appeared: false, witness }))
 }
 
 /// A line for each output.
@@ -329,15 +343,26 @@ impl Panel for WindowPanel {
     fn preflight(&mut self) -> Vec<Finding> {
         match self.check() {
             Err(trouble) => vec![Finding::missing(format!("screen: {trouble}"))],
-            Ok(()) => vec![Finding::fine(format!(
-                "screen: output {}, {} x {} pixels; the system confirms no picture, settle_s alone is waited; its gamma table is \
-                 not read: switch off night light and colour profiles",
-                self.name, self.size.0, self.size.1
-            ))],
+            Ok(()) => {
+                let (columns, rows) = self.size;
+                let output = self.witness.as_ref().map_or_else(
+                    || {
+                        let unseen = "its gamma table is not read: switch off night light and colour profiles";
+                        format!("{}: {columns} x {rows} pixels, {unseen}", self.name)
+                    },
+                    Witness::words,
+                );
+                vec![Finding::fine(format!(
+                    "screen: output {output}; no picture is confirmed, settle_s alone is waited"
+                ))]
+            }
         }
     }
 
     fn check(&mut self) -> Result<(), Trouble> {
+        if let Some(witness) = &self.witness {
+            return witness.check();
+        }
         looked(&mut self.events, &mut self.stage)?;
         let advice = "put the screen back as it was, keep the desktop from changing it, and go on";
         let found = names(&self.stage.monitors).iter().position(|name| *name == self.name);

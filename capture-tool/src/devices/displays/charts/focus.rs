@@ -12,7 +12,7 @@ const NARROWEST: f64 = 1.0;
 /// Widths of lines, pixels.
 const WIDTHS: [i64; 3] = [1, 2, 3];
 /// Words need this much of the shorter side.
-const FOR_WORDS: i64 = 160;
+const FOR_WORDS: i64 = 400;
 
 /// The chart of an output.
 pub fn focus(size: (usize, usize), white: u16) -> Texels {

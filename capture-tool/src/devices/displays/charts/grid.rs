@@ -21,7 +21,7 @@ const CORNERS: [(&str, Rgb888); 4] = [
 /// Steps of grey, black and white among them.
 const STEPS: i64 = 11;
 /// Words need this much of the shorter side.
-const FOR_WORDS: i64 = 160;
+const FOR_WORDS: i64 = 400;
 
 /// A line each tenth of the shorter side or so, in steps that are easy to count.
 pub fn usual_step(size: (usize, usize)) -> usize {
@@ -41,8 +41,8 @@ pub fn grid(size: (usize, usize), step: usize, white: u16) -> Texels {
     for y in (0..height).step_by(step as usize) {
         sheet.fill([0, y, width, 1], LINES);
     }
-    greys(&mut sheet, wordy);
     circles(&mut sheet);
+    greys(&mut sheet, wordy);
     corners(&mut sheet, wordy);
     // The outermost pixels stay black: the border is whole only where nothing is cut off.
     for ring in [[0, 0, width, 1], [0, height - 1, width, 1], [0, 0, 1, height], [width - 1, 0, 1, height]] {

@@ -7,7 +7,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use x11rb::connection::Connection;
 use x11rb::errors::{ConnectError, ConnectionError, ReplyError, ReplyOrIdError};
 use x11rb::protocol::xproto::Screen;
-use x11rb::reexports::x11rb_protocol::parse_display::parse_display;
+use x11rb::reexports::x11rb_protocol::parse_display::{ConnectAddress, parse_display};
 use x11rb::reexports::x11rb_protocol::xauth::get_auth;
 use x11rb::rust_connection::{DefaultStream, PollMode, RustConnection, Stream};
 use x11rb::utils::RawFdContainer;
@@ -96,7 +96,12 @@ impl Link {
         };
         let parsed = parse_display(Some(&name)).map_err(|error| refused(error.to_string()))?;
         let mut why = "its name is not understood".to_owned();
-        for address in parsed.connect_instruction() {
+        // A path is the socket itself, which x11rb 0.13 leaves out.
+        let addresses = match parsed.host.starts_with('/') {
+            true => vec![ConnectAddress::Socket(parsed.host.clone())],
+            false => parsed.connect_instruction().collect(),
+        };
+        for address in addresses {
             let (stream, (family, peer)) = match DefaultStream::connect(&address) {
                 Ok(connected) => connected,
                 Err(error) => {

@@ -50,6 +50,62 @@ pub fn open(_display: Option<&str>, _look: &ScreenLook) -> Result<Box<dyn Panel>
     ))
 }
 
+/// An output that somebody else shows pictures on: looks after its mode and its gamma table.
+#[cfg(target_os = "linux")]
+pub struct Witness {
+    link: link::Link,
+    output: outputs::Output,
+    any_gamma: bool,
+}
+
+/// Only X11 has it.
+#[cfg(not(target_os = "linux"))]
+pub enum Witness {}
+
+#[cfg(target_os = "linux")]
+impl Witness {
+    /// Of the output with this name on the server that DISPLAY names; none where there is none.
+    pub fn of(name: &str, any_gamma: bool) -> Option<Self> {
+        let link = link::Link::connect(None).ok()?;
+        let output = outputs::Output::all(&link).ok()?.into_iter().find(|output| output.name == name)?;
+        Some(Self { link, output, any_gamma })
+    }
+
+    /// The output is as it was, and shows codes of 8 bits as they are.
+    ///
+    /// # Errors
+    /// Another mode or place, a gamma table that is not the identity; a lost connection.
+    pub fn check(&self) -> Result<(), Trouble> {
+        self.output.again(&self.link)?.check(255, self.any_gamma)
+    }
+
+    /// The output, for lists.
+    pub fn words(&self) -> String {
+        self.output.words(255)
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+impl Witness {
+    /// None.
+    pub fn of(_name: &str, _any_gamma: bool) -> Option<Self> {
+        None
+    }
+
+    /// Never asked.
+    ///
+    /// # Errors
+    /// None.
+    pub fn check(&self) -> Result<(), Trouble> {
+        match *self {}
+    }
+
+    /// Never asked.
+    pub fn words(&self) -> String {
+        match *self {}
+    }
+}
+
 /// A line for each output of the server that DISPLAY names; none where there is no such variable.
 #[cfg(target_os = "linux")]
 pub fn list() -> Option<Vec<String>> {

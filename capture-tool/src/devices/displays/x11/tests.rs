@@ -148,13 +148,16 @@ struct Screenshots {
     place: Place,
     taken: Option<Vec<[u16; 3]>>,
     setting: Option<Exposure>,
+    exposures: usize,
+    /// At this exposure somebody opens a window.
+    disturbed_at: Option<usize>,
 }
 
 impl Screenshots {
     fn of(server: &Xvfb) -> Self {
         let link = server.link();
         let place = Output::all(&link).unwrap()[0].place;
-        Self { link, place, taken: None, setting: None }
+        Self { link, place, taken: None, setting: None, exposures: 0, disturbed_at: None }
     }
 }
 
@@ -173,6 +176,10 @@ impl Camera for Screenshots {
     }
 
     fn expose(&mut self) -> Result<(), Trouble> {
+        self.exposures += 1;
+        if self.disturbed_at == Some(self.exposures) {
+            opened(&self.link);
+        }
         self.taken = Some(seen(&self.link, self.place));
         Ok(())
     }
@@ -202,8 +209,19 @@ camera = { driver = "virtual" }
 screen = { driver = "x11", settle_s = 0.0 }
 "#;
 
-/// Captures wavelet noise through `display`; how many photographs there are, and how many are of another pattern than their own.
-fn capture(server: &Xvfb, display: &str, patterns: usize, hasty: bool) -> (usize, usize) {
+/// A capture of wavelet noise.
+struct Job<'a> {
+    server: &'a Xvfb,
+    /// What the driver connects to.
+    display: &'a str,
+    patterns: usize,
+    hasty: bool,
+    disturbed_at: Option<usize>,
+}
+
+/// How many photographs there are, how many of them are of another pattern than their own, and how it ended.
+fn capture(job: &Job<'_>) -> (usize, usize, Result<End, Trouble>) {
+    let Job { server, display, patterns, hasty, disturbed_at } = *job;
     let folder = tempfile::tempdir().unwrap();
     let mut rig = RigFile::parse(RIG, Path::new("rig.toml")).unwrap();
     rig.monitor.as_mut().unwrap().noise = patterns;
@@ -221,10 +239,9 @@ fn capture(server: &Xvfb, display: &str, patterns: usize, hasty: bool) -> (usize
     let description = CaptureDescription { sampler: "noise".to_owned(), seed: 1, rig: rig.clone() };
     let description = Description::new(Source::Capture(Box::new(description)));
     let mut session = Session::create(&folder.path().join("s"), description).unwrap();
-    let mut camera = Screenshots::of(server);
+    let mut camera = Screenshots { disturbed_at, ..Screenshots::of(server) };
     let mut sampler = Listed::new(all.clone());
-    let ended = run(&mut session, &rig, (&mut real, &mut camera), &mut sampler, &Limits::default()).unwrap();
-    assert_eq!((ended.end, ended.taken as usize), (End::Complete, all.len()));
+    let ended = run(&mut session, &rig, (&mut real, &mut camera), &mut sampler, &Limits::default());
     let (mut count, mut wrong) = (0, 0);
     for photograph in session.photographs() {
         let (codes, _) = read_codes(&session.root().join(&photograph.frames[0].file)).unwrap();
@@ -233,17 +250,29 @@ fn capture(server: &Xvfb, display: &str, patterns: usize, hasty: bool) -> (usize
         count += 1;
         wrong += usize::from(!found.eq(expected.as_flattened().iter().copied()));
     }
-    (count, wrong)
+    (count, wrong, ended.map(|outcome| outcome.end))
 }
 
 #[test]
 fn a_capture_on_a_slow_server_photographs_every_pattern_as_it_is() {
     let Some(server) = Xvfb::start("150x80x24", &[]) else { return };
     let slow = Slow::before(&server, 3, Duration::from_millis(10));
-    assert_eq!(capture(&server, &slow.name, 64, false), (66, 0), "black, white and 64 patterns");
+    let job = Job { server: &server, display: &slow.name, patterns: 64, hasty: false, disturbed_at: None };
+    let (count, wrong, ended) = capture(&job);
+    assert_eq!((count, wrong, ended.unwrap()), (66, 0, End::Complete), "black, white and 64 patterns");
     // The same camera sees what a driver does that waits for nothing.
-    let (count, wrong) = capture(&server, &slow.name, 16, true);
+    let (count, wrong, _) = capture(&Job { patterns: 16, hasty: true, ..job });
     assert!(wrong > 8, "{wrong} of {count} photographs before their pattern");
+}
+
+#[test]
+fn a_photograph_of_something_that_came_over_the_pattern_is_not_kept() {
+    let Some(server) = Xvfb::start("150x80x24", &[]) else { return };
+    let display = server.name();
+    let job = Job { server: &server, display: &display, patterns: 8, hasty: false, disturbed_at: Some(5) };
+    let (count, wrong, ended) = capture(&job);
+    let said = ended.unwrap_err().to_string();
+    assert!((count, wrong) == (4, 0) && said.contains("lies over the patterns"), "{count} {wrong} {said}");
 }
 
 #[test]
@@ -307,6 +336,18 @@ fn a_gamma_table_that_changes_stops_and_says_who_may_have_done_it() {
     OnPanel::new(Box::new(server.panel(&any)), &any, (32, 20)).unwrap().show(&picture).unwrap();
 }
 
+/// A window of somebody else's, over the right end of the screen.
+fn opened(link: &Link) -> u32 {
+    let window = link.server.generate_id().unwrap();
+    let looks = CreateWindowAux::new().background_pixel(0x00ff_00ff).override_redirect(1);
+    let (screen, class) = (link.screen(), WindowClass::INPUT_OUTPUT);
+    let at = (screen.width_in_pixels as i16 - 20, screen.height_in_pixels as i16 - 20);
+    let made = link.server.create_window(0, window, screen.root, at.0, at.1, 50, 50, 0, class, 0, &looks);
+    made.unwrap().check().unwrap();
+    link.server.map_window(window).unwrap().check().unwrap();
+    window
+}
+
 #[test]
 fn a_window_above_is_named_and_the_next_picture_is_above_it() {
     let Some(server) = Xvfb::start("320x200x24", &[]) else { return };
@@ -315,12 +356,7 @@ fn a_window_above_is_named_and_the_next_picture_is_above_it() {
     let layout = Layout::new("", (32, 20), panel.size(), None).unwrap();
     panel.put(&picture, &layout).unwrap();
     panel.still().unwrap();
-    let window = link.server.generate_id().unwrap();
-    let looks = CreateWindowAux::new().background_pixel(0x00ff_00ff).override_redirect(1);
-    let (root, class) = (link.screen().root, WindowClass::INPUT_OUTPUT);
-    link.server.create_window(0, window, root, 300, 180, 50, 50, 0, class, 0, &looks).unwrap().check().unwrap();
-    panel.still().expect("it is not mapped yet");
-    link.server.map_window(window).unwrap().check().unwrap();
+    let window = opened(&link);
     let said = panel.still().unwrap_err();
     assert!(matches!(&said, Trouble::Busy(what) if what.contains("lies over the patterns")), "{said}");
     panel.put(&picture, &layout).unwrap();
