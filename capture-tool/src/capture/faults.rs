@@ -267,7 +267,7 @@ impl Set {
     ) -> Result<End, Trouble> {
         let operator: Arc<dyn Operator> = Arc::new(Willing::default());
         let parts = Parts { axes: Some(axes), lights: Some(lights), display: None, operator };
-        let mut rig = RealRig::new(&self.rig, parts);
+        let mut rig = RealRig::new(&self.rig, parts, None);
         if let Some(missing) = rig.preflight().into_iter().find(|finding| !finding.fine) {
             return Err(Trouble::stop(missing.text, "nothing was started"));
         }

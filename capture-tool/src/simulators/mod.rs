@@ -28,5 +28,5 @@ pub mod text_board;
 mod world;
 
 pub use mischief::{Mischief, Strike};
-pub use served::{Board, Served, serve};
-pub use world::{AXES, CHANNELS, Seen, World};
+pub use served::{Served, serve};
+pub use world::{CHANNELS, Seen, World};
