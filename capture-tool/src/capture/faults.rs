@@ -50,6 +50,8 @@ enum Slip {
     CardFull,
     /// It is unplugged.
     Gone,
+    /// A mistake of ours shows.
+    Panic,
 }
 
 /// Photographs the world: each picture tells where the axes stood, and the levels, at the beginning and at the end of the exposure.
@@ -101,6 +103,7 @@ impl Camera for Witness {
     }
 
     fn expose(&mut self) -> Result<(), Trouble> {
+        assert!(!self.slips(Slip::Panic), "on purpose");
         if self.slips(Slip::CardFull) {
             return Err(Trouble::stop("the camera's card is full", "put another one in"));
         }
@@ -458,6 +461,18 @@ fn bad_days_end_with_a_sentence_and_go_on() {
     }
     let missing: Vec<&String> = expected.iter().filter(|kind| !counts.contains_key(*kind)).collect();
     assert!(missing.is_empty(), "never happened: {missing:?}\n{counts:#?}");
+}
+
+#[test]
+fn lamps_go_out_when_the_loop_panics() {
+    let folder = folder();
+    let mut set = Set::new(&mut Pcg32::seed_from_u64(5), [Vec::new(), Vec::new()]);
+    let mut session = set.session(&folder.path().join("s"));
+    // The second photograph is of a lamp that is lit.
+    let mut camera = Witness::new(&set.world, Some((1, Slip::Panic)), &Arc::default());
+    let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| set.capture(&mut session, &mut camera)));
+    assert!(panicked.is_err());
+    assert_eq!((session.photographs().count(), set.world.seen().levels.iter().max()), (1, Some(&0)));
 }
 
 /// Takes `ok` for an arrival.
