@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::Write;
-use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -41,19 +40,9 @@ pub struct Arguments {
     at: PathBuf,
 }
 
-/// A link to a port, which goes away with this.
-struct Link(PathBuf);
-
-impl Drop for Link {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
-    }
-}
-
-/// The boards, and the links to them.
+/// The boards, and what is said of them.
 #[derive(Default)]
 struct Boards {
-    links: Vec<Link>,
     served: Vec<Served>,
     told: Vec<String>,
 }
@@ -68,7 +57,11 @@ impl Arguments {
         fs::create_dir_all(&self.at).map_err(|source| Error::io("create", &self.at, source))?;
         let world = World::default();
         let boards = self.boards(&rig, &world)?;
-        anyhow::ensure!(!boards.served.is_empty(), "{}: no device on a serial port to stand in for", self.rig.display());
+        anyhow::ensure!(
+            !boards.served.is_empty(),
+            "{}: no device on a serial port to stand in for",
+            self.rig.display()
+        );
         let mut told = boards.told.join(", ");
         if rig.kind == Kind::Stage && rig.camera.times_s.is_some() {
             let file = self.watch(&rig, &world)?;
@@ -89,7 +82,12 @@ impl Arguments {
         let Some(devices) = &rig.devices else { return Ok(boards) };
         if let Some(AxesDevice::Grbl { port, home, .. }) = &devices.axes {
             let settings = grbl::Settings { homing: *home, ..grbl::Settings::default() };
-            self.link(&mut boards, "axes", port, serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?)?;
+            self.link(
+                &mut boards,
+                "axes",
+                port,
+                serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?,
+            )?;
         }
         match &devices.lamps {
             Some(LampsDevice::DmxUsbPro { port, .. }) => {
@@ -123,13 +121,8 @@ impl Arguments {
         if !inside {
             crate::complain(&format!("note: for a rehearsal write port = \"{}\" of the {what}", place.display()));
         }
-        // One left behind by a simulation that was killed.
-        if place.is_symlink() {
-            fs::remove_file(&place).map_err(|source| Error::io("replace", &place, source))?;
-        }
-        symlink(board.path(), &place).map_err(|source| Error::io("create", &place, source))?;
+        let board = board.link_at(&place).map_err(|source| Error::io("create", &place, source))?;
         boards.told.push(format!("{what} at {}", place.display()));
-        boards.links.push(Link(place));
         boards.served.push(board);
         Ok(())
     }
