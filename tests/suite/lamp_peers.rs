@@ -55,7 +55,8 @@ impl Cable {
     fn new() -> Option<Self> {
         let id = std::process::id();
         let cable = Self { ours: format!("relume-{id}-a"), theirs: format!("relume-{id}-b") };
-        let ip = |line: &str| Command::new("ip").args(line.split_whitespace()).output().is_ok_and(|o| o.status.success());
+        let ip =
+            |line: &str| Command::new("ip").args(line.split_whitespace()).output().is_ok_and(|o| o.status.success());
         let Self { ours, theirs } = &cable;
         let made = ip(&format!("netns add {ours}"))
             && ip(&format!("netns add {theirs}"))
@@ -238,8 +239,25 @@ fn olad(cable: &Cable, folder: &Path, devices: &Path) -> Running {
     let conf = folder.join("conf");
     fs::create_dir_all(&conf).unwrap();
     let all = [
-        "dummy", "espnet", "ftdidmx", "gpio", "karate", "kinet", "milinst", "opendmx", "openpixelcontrol", "osc",
-        "pathport", "renard", "sandnet", "shownet", "spi", "spidmx", "stageprofi", "uartdmx", "usbdmx",
+        "dummy",
+        "espnet",
+        "ftdidmx",
+        "gpio",
+        "karate",
+        "kinet",
+        "milinst",
+        "opendmx",
+        "openpixelcontrol",
+        "osc",
+        "pathport",
+        "renard",
+        "sandnet",
+        "shownet",
+        "spi",
+        "spidmx",
+        "stageprofi",
+        "uartdmx",
+        "usbdmx",
     ];
     all.iter().for_each(|name| fs::write(conf.join(format!("ola-{name}.conf")), "enabled = false\n").unwrap());
     let write = |name: &str, text: String| fs::write(conf.join(format!("ola-{name}.conf")), text).unwrap();
@@ -342,7 +360,8 @@ fn a_peer_understands_our_lamps() {
     let ports = wait_for("olad with the widget", || {
         cable.get("/json/get_ports").filter(|ports| port(ports, "Enttec Usb Pro Device", false).is_some())
     });
-    let found = |device: &str, output: bool| port(&ports, device, output).unwrap_or_else(|| panic!("{device}: {ports:#}"));
+    let found =
+        |device: &str, output: bool| port(&ports, device, output).unwrap_or_else(|| panic!("{device}: {ports:#}"));
     for (universe, device, output) in
         [(3, "ArtNet", false), (7, "E1.31", false), (9, "Enttec", false), (11, "Enttec", true)]
     {

@@ -2,7 +2,7 @@
 //! misbehaves too. However a run ends, it says why, and goes on to the end; and no photograph shows anything but its condition.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -151,6 +151,8 @@ camera = { times_s = [0.001], limits_s = [0.0005, 1.0], patience_s = 0.15 }
 stage = { lamps = { layout = \"arc\", latitudes = 2, longitudes = 2, first_deg = 30.0 } }
 [devices]
 camera = { driver = \"folder\", path = \".\" }
+axes = { driver = \"grbl\", port = \"axes\", turntable = { letter = \"X\" } }
+lamps = { driver = \"dmx-usb-pro\", port = \"lamps\" }
 ";
 
 /// A rig, and the world that its boards move and light.
@@ -162,10 +164,13 @@ struct Set {
     lamps: (Option<Templates>, Option<Served>),
     /// Patience with boards, seconds.
     reply_s: f64,
+    /// Where ports are, under names of their own: a driver that looks for its lost port finds nobody else's.
+    ports: PathBuf,
 }
 
 impl Set {
-    fn new(rng: &mut Pcg32, strikes: [Vec<(u32, Strike)>; 2]) -> Self {
+    fn new(rng: &mut Pcg32, strikes: [Vec<(u32, Strike)>; 2], ports: PathBuf) -> Self {
+        std::fs::create_dir_all(&ports).unwrap();
         let world = World::default();
         // 180 degrees in 5 ms.
         let settings = Settings {
@@ -189,7 +194,7 @@ impl Set {
             _ => None,
         };
         let rig = RigFile::parse(RIG, Path::new("rig.toml")).unwrap();
-        let mut set = Self { rig, world, axes: (settings, None), lamps: (lamps, None), reply_s: 0.25 };
+        let mut set = Self { rig, world, axes: (settings, None), lamps: (lamps, None), reply_s: 0.25, ports };
         let [of_axes, of_lamps] = strikes;
         set.plug_axes(Mischief::new(of_axes, rng.random()));
         set.plug_lamps(Mischief::new(of_lamps, rng.random()));
@@ -197,14 +202,19 @@ impl Set {
     }
 
     fn plug_axes(&mut self, mischief: Mischief) {
-        self.axes.1 = Some(serve(Grbl::new(self.axes.0.clone(), self.world.clone()), mischief).unwrap());
+        let board = serve(Grbl::new(self.axes.0.clone(), self.world.clone()), mischief).unwrap();
+        // The old one first: its link has the same name.
+        self.axes.1 = None;
+        self.axes.1 = Some(board.link_at(&self.ports.join("axes")).unwrap());
     }
 
     fn plug_lamps(&mut self, mischief: Mischief) {
-        self.lamps.1 = Some(match &self.lamps.0 {
+        let board = match &self.lamps.0 {
             None => serve(DmxWidget::new(self.world.clone()), mischief).unwrap(),
             Some(templates) => serve(TextBoard::new(templates.clone(), self.world.clone()), mischief).unwrap(),
-        });
+        };
+        self.lamps.1 = None;
+        self.lamps.1 = Some(board.link_at(&self.ports.join("lamps")).unwrap());
     }
 
     fn struck(&self) -> [Vec<Strike>; 2] {
@@ -225,14 +235,10 @@ impl Set {
         self.reply_s = 2.0;
     }
 
-    fn path(board: &Option<Served>) -> String {
-        board.as_ref().map_or_else(String::new, |board| board.path().display().to_string())
-    }
-
     fn axes_device(&self) -> AxesDevice {
         let text = format!(
             "driver = \"grbl\"\nport = \"{}\"\nhome = {}\nsettle_s = 0.0\nreply_s = {}\nmove_limit_s = 3.0\nturntable = {{ letter = \"X\" }}",
-            Self::path(&self.axes.1),
+            self.ports.join("axes").display(),
             self.axes.0.homing,
             self.reply_s
         );
@@ -240,7 +246,7 @@ impl Set {
     }
 
     fn lamps_device(&self) -> LampsDevice {
-        let port = Self::path(&self.lamps.1);
+        let port = self.ports.join("lamps").display().to_string();
         let common = format!("port = \"{port}\"\nreply_s = {}\nsettle_s = 0.0\n", self.reply_s);
         let text = match &self.lamps.0 {
             None => format!("driver = \"dmx-usb-pro\"\n{common}"),
@@ -318,8 +324,15 @@ fn luck(rng: &mut Pcg32) -> ([Vec<(u32, Strike)>; 2], Option<(u64, Slip)>) {
         Strike::Alarm,
         Strike::HangUp,
     ];
-    let of_lamps =
-        [Strike::Garbage, Strike::HalfLine, late, Strike::LostReply, Strike::LostCommand, Strike::Reset, Strike::HangUp];
+    let of_lamps = [
+        Strike::Garbage,
+        Strike::HalfLine,
+        late,
+        Strike::LostReply,
+        Strike::LostCommand,
+        Strike::Reset,
+        Strike::HangUp,
+    ];
     let mut strikes = |known: &[Strike], answers: u32| -> Vec<(u32, Strike)> {
         let count = [0, 1, 1, 2].choose(rng).copied().unwrap_or_default();
         (0..count).map(|_| (rng.random_range(0..answers), known.choose(rng).copied().unwrap())).collect()
@@ -341,8 +354,9 @@ fn bad_day(seed: u64, folder: &Path) -> Result<Told, String> {
     let mut rng = Pcg32::seed_from_u64(seed);
     let (strikes, slip) = luck(&mut rng);
     let slipped = Arc::default();
-    let mut set = Set::new(&mut rng, strikes);
     let root = folder.join(seed.to_string());
+    let ports = folder.join(format!("{seed}-ports"));
+    let mut set = Set::new(&mut rng, strikes, ports.clone());
     let mut session = set.session(&root);
     let ended = set.capture(&mut session, &mut Witness::new(&set.world, slip, &slipped));
     let ending = match &ended {
@@ -377,7 +391,9 @@ fn bad_day(seed: u64, folder: &Path) -> Result<Told, String> {
     };
     let slips = slipped.lock().unwrap().iter().map(|slip| format!("camera {slip:?}")).collect::<Vec<_>>();
     let strikes = of_axes.iter().map(|s| name("axes", s)).chain(of_lamps.iter().map(|s| name("lamps", s)));
+    drop((session, set));
     let _ = std::fs::remove_dir_all(&root);
+    let _ = std::fs::remove_dir_all(&ports);
     Ok(Told { struck: strikes.chain(slips).collect(), ending })
 }
 
@@ -534,13 +550,14 @@ fn photographs_of_hasty_drivers_are_found_out() {
     let operator: Arc<dyn Operator> = Arc::new(Willing::default());
     for hasty_axes in [true, false] {
         let mut rng = Pcg32::seed_from_u64(5);
-        let mut set = Set::new(&mut rng, Default::default());
+        let ports = folder.path().join(format!("{hasty_axes}-ports"));
+        let mut set = Set::new(&mut rng, Default::default(), ports);
         set.axes.0 = Settings { rate: 180.0 * 60.0 * 20.0, ..Settings::default() };
         set.plug_axes(Mischief::default());
         set.reply_s = 2.0;
         let mut session = set.session(&folder.path().join(hasty_axes.to_string()));
         let (axes, lights): (Box<dyn Axes>, Box<dyn Lights>) = if hasty_axes {
-            let port = Port::open(&Set::path(&set.axes.1), 115_200).unwrap();
+            let port = Port::open(&set.ports.join("axes").display().to_string(), 115_200).unwrap();
             (Box::new(Hasty(port)), lights::open(&set.lamps_device(), LAMPS).unwrap())
         } else {
             (axes::open(&set.axes_device(), &operator).unwrap(), Box::new(Early(set.world.clone(), Vec::new())))

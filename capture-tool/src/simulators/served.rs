@@ -1,7 +1,8 @@
 //! A board on a pseudo-terminal, in a thread of its own.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::path::Path;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -40,9 +41,13 @@ pub trait Board: Send {
     fn alarm(&mut self) {}
 }
 
+/// Where the port is called as its driver wants to call it.
+type Link = Arc<Mutex<Option<PathBuf>>>;
+
 /// A board that is served; it ends when this is dropped.
 pub struct Served {
     path: String,
+    link: Link,
     ends: Arc<AtomicBool>,
     mischief: Arc<Mutex<Mischief>>,
     thread: Option<JoinHandle<()>>,
@@ -58,12 +63,33 @@ pub fn serve(board: impl Board + 'static, mischief: Mischief) -> io::Result<Serv
     drop(theirs);
     let ends = Arc::new(AtomicBool::new(false));
     let mischief = Arc::new(Mutex::new(mischief));
-    let line = Line { port: ours, open: false, ends: ends.clone(), mischief: mischief.clone() };
+    let link = Link::default();
+    let line = Line { port: ours, open: false, ends: ends.clone(), mischief: mischief.clone(), link: link.clone() };
     let thread = std::thread::Builder::new().name("simulated board".to_owned()).spawn(move || line.run(board))?;
-    Ok(Served { path, ends, mischief, thread: Some(thread) })
+    Ok(Served { path, link, ends, mischief, thread: Some(thread) })
+}
+
+/// Takes the link away.
+fn unlink(link: &Link) {
+    if let Some(path) = link.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        let _ = std::fs::remove_file(path);
+    }
 }
 
 impl Served {
+    /// Gives the port another name too, for as long as it is plugged in. A link that is there is replaced.
+    ///
+    /// # Errors
+    /// Something else of that name, a folder that cannot be written to.
+    pub fn link_at(self, path: &Path) -> io::Result<Self> {
+        if path.is_symlink() {
+            std::fs::remove_file(path)?;
+        }
+        symlink(&self.path, path)?;
+        *self.link.lock().unwrap_or_else(PoisonError::into_inner) = Some(path.to_owned());
+        Ok(self)
+    }
+
     /// As in "/dev/pts/7".
     pub fn path(&self) -> &Path {
         Path::new(&self.path)
@@ -83,6 +109,7 @@ impl Served {
 impl Drop for Served {
     fn drop(&mut self) {
         self.ends.store(true, Ordering::Relaxed);
+        unlink(&self.link);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -95,6 +122,7 @@ struct Line {
     open: bool,
     ends: Arc<AtomicBool>,
     mischief: Arc<Mutex<Mischief>>,
+    link: Link,
 }
 
 impl Line {
@@ -144,7 +172,11 @@ impl Line {
         match self.mischief().to_board(board.works()) {
             Some(Strike::Reset) => board.restart(),
             Some(Strike::Alarm) => board.alarm(),
-            Some(Strike::HangUp) => return std::ops::ControlFlow::Break(()),
+            Some(Strike::HangUp) => {
+                // As the system does with the name of what was unplugged: the next pseudo-terminal may get this one's number.
+                unlink(&self.link);
+                return std::ops::ControlFlow::Break(());
+            }
             _ => {}
         }
         while let Some(answer) = board.answer() {

@@ -106,8 +106,13 @@ fn a_lamp_that_does_not_answer_is_named() {
 
 #[test]
 fn lamps_are_lit_through_noise() {
-    let kinds =
-        [Strike::Garbage, Strike::HalfLine, Strike::LostReply, Strike::LostCommand, Strike::Late(Duration::from_millis(300))];
+    let kinds = [
+        Strike::Garbage,
+        Strike::HalfLine,
+        Strike::LostReply,
+        Strike::LostCommand,
+        Strike::Late(Duration::from_millis(300)),
+    ];
     let one = |kind: Strike, after: u32| {
         let strikes = vec![(after, kind), (after + 1, kind)];
         let (dmx_world, text_world) = (World::default(), World::default());

@@ -2,7 +2,6 @@
 
 use std::fs;
 use std::io::Write;
-use std::os::unix::fs::symlink;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -43,19 +42,9 @@ pub struct Arguments {
     at: PathBuf,
 }
 
-/// A link to a port, which goes away with this.
-struct Link(PathBuf);
-
-impl Drop for Link {
-    fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0);
-    }
-}
-
-/// The boards, and the links to them.
+/// The boards, and what is said of them.
 #[derive(Default)]
 struct Boards {
-    links: Vec<Link>,
     served: Vec<Served>,
     told: Vec<String>,
 }
@@ -140,13 +129,8 @@ impl Arguments {
         if !inside {
             crate::complain(&format!("note: for a rehearsal write port = \"{}\" of the {what}", place.display()));
         }
-        // One left behind by a simulation that was killed.
-        if place.is_symlink() {
-            fs::remove_file(&place).map_err(|source| Error::io("replace", &place, source))?;
-        }
-        symlink(board.path(), &place).map_err(|source| Error::io("create", &place, source))?;
+        let board = board.link_at(&place).map_err(|source| Error::io("create", &place, source))?;
         boards.told.push(format!("{what} at {}", place.display()));
-        boards.links.push(Link(place));
         boards.served.push(board);
         Ok(())
     }

@@ -4,8 +4,8 @@
 //! parameters (label 3). Widgets work in order: the answer says that the frame before was taken. With the parameters the widget
 //! sends as many bytes of what users stored in it as it was asked for, each time another number, so that a late answer is not
 //! taken for the next one's. Of widgets that ignore the number, parameters and serial number (label 10) are asked for in
-//! turn. The frame goes out twice, since behind plain serial lines, which home-made widgets have, a byte may get lost, and
-//! nothing says so.
+//! turn. A frame goes out until it is confirmed twice, since behind plain serial lines, which home-made widgets have, bytes of a
+//! frame may get lost and those of the question behind it not.
 
 use std::time::{Duration, Instant};
 
@@ -32,8 +32,9 @@ const BAUD: u32 = 57_600;
 const PARAMETERS: usize = 5;
 /// Numbers of stored bytes that are asked for, from 1.
 const NUMBERS: usize = 40;
-/// The same is asked so often before a person is.
-const ATTEMPTS: usize = 4;
+/// The same is sent so often before a person is asked, and has to be confirmed so often.
+const ATTEMPTS: usize = 5;
+const CONFIRMED: usize = 2;
 /// A frame of 512 channels is on the line for 23 ms; what was sent last is out after two.
 const ON_THE_LINE: Duration = Duration::from_millis(46);
 
@@ -83,9 +84,11 @@ impl DmxUsbPro {
     /// Sends levels, until the widget says that it has them.
     fn send(&mut self, levels: &[u8]) -> Result<(), Trouble> {
         let frame = message(SEND_DMX, &[&[0], levels].concat());
+        let mut confirmed = 0;
         for _ in 0..ATTEMPTS {
             let serial = self.counts == Some(false) && self.asked.is_multiple_of(2);
-            if self.answer(serial, &[&frame[..], &frame].concat())?.is_some() {
+            confirmed += usize::from(self.answer(serial, &frame)?.is_some());
+            if confirmed == CONFIRMED {
                 return Ok(());
             }
         }

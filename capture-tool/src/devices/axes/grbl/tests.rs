@@ -189,7 +189,8 @@ fn what_needs_a_person_is_said() {
 /// A restart whose banner nobody heard is seen all the same.
 #[test]
 fn a_silent_restart_is_seen_by_the_mark() {
-    let bench = bench(Settings { boot: Duration::from_millis(5), ..fast() }, false, axis('X'), vec![(0, Strike::LostCommand)]);
+    let bench =
+        bench(Settings { boot: Duration::from_millis(5), ..fast() }, false, axis('X'), vec![(0, Strike::LostCommand)]);
     let mut grbl = bench.open();
     grbl.home().unwrap();
     bench.go(&mut grbl, 90.0, 0.0).unwrap();
