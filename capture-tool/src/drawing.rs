@@ -29,11 +29,6 @@ impl Canvas {
         Self { picture: Image::from_fn(width, height, |_, _| colour) }
     }
 
-    /// To draw on a picture, linear RGB.
-    pub fn of(picture: Image) -> Self {
-        Self { picture }
-    }
-
     /// What was drawn so far.
     pub fn picture(&self) -> &Image {
         &self.picture

@@ -482,7 +482,8 @@ fn bad_days_end_with_a_sentence_and_go_on() {
 #[test]
 fn lamps_go_out_when_the_loop_panics() {
     let folder = folder();
-    let mut set = Set::new(&mut Pcg32::seed_from_u64(5), [Vec::new(), Vec::new()], folder.path().join("ports"));
+    let ports = folder.path().join("ports");
+    let mut set = Set::new(&mut Pcg32::seed_from_u64(5), [Vec::new(), Vec::new()], ports);
     let mut session = set.session(&folder.path().join("s"));
     // The second photograph is of a lamp that is lit.
     let mut camera = Witness::new(&set.world, Some((1, Slip::Panic)), &Arc::default());

@@ -1,6 +1,7 @@
 //! What goes wrong between a board and its driver, and when: from a seed, so that each bad day can be had again.
 
 use std::collections::VecDeque;
+use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use rand::{RngExt, SeedableRng};
@@ -25,6 +26,46 @@ pub enum Strike {
     Alarm,
     /// The cable is pulled.
     HangUp,
+}
+
+/// What is to go wrong with which board, and after how many answers: as in `axes:reset@40`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Planned {
+    /// `axes` or `lamps`.
+    pub board: String,
+    /// After so many answers.
+    pub after: u32,
+    /// What.
+    pub strike: Strike,
+}
+
+/// The kinds, as they are written.
+pub const KINDS: &str = "garbage, half-line, late, lost-reply, lost-command, reset, alarm or hang-up";
+/// So much later: more than boards are waited for.
+const LATE: Duration = Duration::from_secs(2);
+
+impl FromStr for Planned {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wanted = || format!("write BOARD:KIND@N, as in axes:reset@40, with axes or lamps, and {KINDS}");
+        let (board, rest) = text.split_once(':').ok_or_else(wanted)?;
+        let (kind, after) = rest.split_once('@').ok_or_else(wanted)?;
+        let strike = match kind {
+            "garbage" => Strike::Garbage,
+            "half-line" => Strike::HalfLine,
+            "late" => Strike::Late(LATE),
+            "lost-reply" => Strike::LostReply,
+            "lost-command" => Strike::LostCommand,
+            "reset" => Strike::Reset,
+            "alarm" if board == "axes" => Strike::Alarm,
+            "hang-up" => Strike::HangUp,
+            _ => return Err(wanted()),
+        };
+        let known = board == "axes" || board == "lamps";
+        let after = after.parse().ok().filter(|_| known).ok_or_else(wanted)?;
+        Ok(Self { board: board.to_owned(), after, strike })
+    }
 }
 
 /// A bad day: each strike comes after so many answers.
@@ -109,6 +150,7 @@ impl Mischief {
     }
 
     /// From now on nothing goes wrong; what was held back goes out.
+    #[cfg(test)]
     pub fn calm(&mut self) {
         self.strikes.clear();
         self.held.iter_mut().for_each(|(until, _)| *until = Instant::now());
@@ -117,5 +159,20 @@ impl Mischief {
     /// What has happened so far.
     pub fn struck(&self) -> &[Strike] {
         &self.struck
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_days_are_written_board_kind_at_number() {
+        let planned = |board: &str, after, strike| Ok(Planned { board: board.to_owned(), after, strike });
+        assert_eq!("axes:reset@40".parse(), planned("axes", 40, Strike::Reset));
+        assert_eq!("lamps:hang-up@0".parse(), planned("lamps", 0, Strike::HangUp));
+        for bad in ["reset@40", "axes:reset", "door:reset@1", "axes:rain@3", "lamps:alarm@3", "axes:reset@-1", ""] {
+            assert!(bad.parse::<Planned>().unwrap_err().contains("axes:reset@40"), "{bad}");
+        }
     }
 }

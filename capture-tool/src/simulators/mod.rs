@@ -27,6 +27,6 @@ mod tests;
 pub mod text_board;
 mod world;
 
-pub use mischief::{Mischief, Strike};
+pub use mischief::{Mischief, Planned, Strike};
 pub use served::{Served, serve};
 pub use world::{CHANNELS, Seen, World};

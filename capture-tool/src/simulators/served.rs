@@ -101,6 +101,7 @@ impl Served {
     }
 
     /// From now on nothing goes wrong.
+    #[cfg(test)]
     pub fn calm(&self) {
         self.mischief.lock().unwrap_or_else(PoisonError::into_inner).calm();
     }

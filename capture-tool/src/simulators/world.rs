@@ -104,6 +104,7 @@ impl World {
     }
 
     /// Somebody puts the axes there by hand.
+    #[cfg(test)]
     pub fn put(&self, at: [f64; AXES]) {
         let mut inner = self.inner();
         inner.stretches.clear();

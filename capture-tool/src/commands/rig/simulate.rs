@@ -14,7 +14,7 @@ use crate::progress::{self, Progress, Unit};
 use crate::rigs::virtual_stage::VirtualStage;
 use crate::rigs::{AxesDevice, Axis, Kind, LampsDevice, RigFile};
 use crate::simulators::studio::Studio;
-use crate::simulators::{Mischief, Seen, Served, World, dmx_widget, grbl, serve, text_board};
+use crate::simulators::{Mischief, Planned, Seen, Served, World, dmx_widget, grbl, serve, text_board};
 
 /// A request to stop is looked for so often.
 const LOOK: Duration = Duration::from_millis(50);
@@ -23,6 +23,7 @@ const EXAMPLES: &str = "\
 Example:
   relume rig simulate dome.toml --at /tmp/dome
   relume capture dome.toml --session rehearsal
+  relume rig simulate dome.toml --at /tmp/dome --rehearse axes:reset@90 --rehearse lamps:garbage@5
 
 Boards on serial ports (grbl, text, dmx-usb-pro) are stood in for by programs that speak the same bytes; the ports that the rig
 file names inside DIR lead to them, so write port = \"/tmp/dome/axes\" and port = \"/tmp/dome/lamps\". Of a stage, the file
@@ -40,6 +41,10 @@ pub struct Arguments {
     /// The folder of the ports and of the camera's card; it may be there already.
     #[arg(long, value_name = "DIR")]
     at: PathBuf,
+    /// Rehearse a bad day of a board, as in axes:reset@40: behind its 40th answer the board of the axes restarts. Kinds: garbage,
+    /// half-line, late, lost-reply, lost-command, reset, alarm (axes), hang-up (its cable is pulled). May be given several times.
+    #[arg(long, value_name = "BOARD:KIND@N")]
+    rehearse: Vec<Planned>,
 }
 
 /// The boards, and what is said of them.
@@ -82,7 +87,15 @@ impl Arguments {
         while progress::check().is_ok() {
             std::thread::sleep(LOOK);
         }
-        Ok(String::new())
+        let struck: Vec<String> =
+            boards.served.iter().flat_map(Served::struck).map(|strike| format!("{strike:?}")).collect();
+        Ok(if self.rehearse.is_empty() { String::new() } else { format!("went wrong: {}\n", struck.join(", ")) })
+    }
+
+    /// What is to go wrong with a board.
+    fn mischief(&self, board: &str) -> Mischief {
+        let planned = self.rehearse.iter().filter(|planned| planned.board == board);
+        Mischief::new(planned.map(|planned| (planned.after, planned.strike)).collect(), 1)
     }
 
     fn boards(&self, rig: &RigFile, world: &World) -> anyhow::Result<Boards> {
@@ -94,13 +107,13 @@ impl Arguments {
                 &mut boards,
                 "axes",
                 port,
-                serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?,
+                serve(grbl::Grbl::new(settings, world.clone()), self.mischief("axes"))?,
             )?;
         }
         match &devices.lamps {
             Some(LampsDevice::DmxUsbPro { port, .. }) => {
                 let widget = dmx_widget::DmxWidget::new(world.clone());
-                self.link(&mut boards, "lamps", port, serve(widget, Mischief::default())?)?;
+                self.link(&mut boards, "lamps", port, serve(widget, self.mischief("lamps"))?)?;
             }
             Some(LampsDevice::Text { port, on, off, all_off, reply, ends, .. }) => {
                 let templates = text_board::Templates {
@@ -111,7 +124,7 @@ impl Arguments {
                     ends: ends.clone(),
                 };
                 let board = text_board::TextBoard::new(templates, world.clone());
-                self.link(&mut boards, "lamps", port, serve(board, Mischief::default())?)?;
+                self.link(&mut boards, "lamps", port, serve(board, self.mischief("lamps"))?)?;
             }
             Some(LampsDevice::ArtNet { .. } | LampsDevice::Sacn { .. }) => {
                 crate::complain("note: lamps on a network are not stood in for; the photograph shows them dark");

@@ -159,6 +159,16 @@ impl Lights for DmxUsbPro {
         pause(self.settle)
     }
 
+    /// A widget that lost its power has put its lamps out, and its port is gone.
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        for _ in 0..ATTEMPTS {
+            if self.answer(false, &[])?.is_some() {
+                return Ok(());
+            }
+        }
+        Err(self.silent())
+    }
+
     fn dark(&mut self) -> Result<(), Trouble> {
         if self.send(&[0; CHANNELS]).is_err() {
             // Perhaps the cable is in again.

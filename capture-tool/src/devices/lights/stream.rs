@@ -129,14 +129,15 @@ impl Lights for Streamed {
 
     fn show(&mut self, levels: &[u8]) -> Result<(), Trouble> {
         let universe = self.patch.universe(levels)?;
-        let failed = self.shared.state().failed.take();
-        if let Some(failed) = failed {
-            let what =
-                format!("lamps: {} failed during the photograph before ({failed})", self.shared.state().carrier.name());
-            return Err(Trouble::stop(what, "check the network; that photograph can be taken again with --redo"));
-        }
         self.send(universe, CHANGES, FRAME)?;
         pause(self.settle)
+    }
+
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        let mut state = self.shared.state();
+        let Some(failed) = state.failed.take() else { return Ok(()) };
+        let what = format!("lamps: nothing could be sent by {} during the exposure ({failed})", state.carrier.name());
+        Err(Trouble::stop(what, "check the network"))
     }
 
     fn dark(&mut self) -> Result<(), Trouble> {

@@ -15,11 +15,15 @@
 //!
 //! | part | what it holds |
 //! |---|---|
+//! | `geared` | an axis: degrees and the board's units |
+//! | `known` | positions made known, and the mark that says so |
 //! | `report` | what a line means |
 //! | `board` | commands and their answers, and what comes between |
 //! | `words` | alarms and errors in words |
 
 mod board;
+mod geared;
+mod known;
 mod report;
 mod words;
 
@@ -31,6 +35,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use board::{Board, Patience, Upset};
+use geared::{Geared, LETTERS};
 use report::{Said, State};
 
 use super::{Axes, Place};
@@ -38,14 +43,10 @@ use crate::devices::port::{Port, pause, seconds};
 use crate::devices::{Finding, Operator, Trouble};
 use crate::rigs::{AxesDevice, Axis};
 
-/// Work position given to the unused axis: a number that nobody chooses, within what boards accept.
-const MARK: f64 = 92.714;
 /// Numbers are told with three decimals.
 const ROUNDING: f64 = 0.0015;
 /// The same is asked so often before a person is.
 const ATTEMPTS: usize = 4;
-/// Letters of axes, in the order of reports.
-const LETTERS: [char; 4] = ['X', 'Y', 'Z', 'A'];
 /// Settings of GRBL that are looked at.
 const IDLE_LOCK: u32 = 1;
 const INCHES: u32 = 13;
@@ -70,52 +71,8 @@ pub struct Grbl {
     homing: bool,
     /// It moved since it last settled.
     unsettled: bool,
-}
-
-/// An axis and its place on the board.
-struct Geared {
-    axis: Axis,
-    /// As in "the turntable".
-    name: &'static str,
-    /// Its place in reports.
-    at: usize,
-    /// Its last motion was upwards: its play is taken up.
-    from_below: bool,
-}
-
-impl Geared {
-    fn new(axis: &Axis, name: &'static str) -> Result<Self, Trouble> {
-        let at = LETTERS.iter().position(|letter| letter.eq_ignore_ascii_case(&axis.letter)).ok_or_else(|| {
-            Trouble::stop(format!("{name} has the letter {}", axis.letter), "write X, Y, Z or A in the rig file")
-        })?;
-        Ok(Self { axis: axis.clone(), name, at, from_below: false })
-    }
-
-    fn units(&self, deg: f64) -> f64 {
-        self.axis.zero + deg * self.axis.per_deg
-    }
-
-    fn degrees(&self, units: f64) -> f64 {
-        (units - self.axis.zero) / self.axis.per_deg
-    }
-
-    /// Refuses what it must not be moved to, before anything is sent.
-    fn check(&self, deg: f64) -> Result<(), Trouble> {
-        let Axis { limits_deg: [low, high], backlash_deg, .. } = self.axis;
-        // Not a number is outside as well.
-        if !(low..=high).contains(&deg) {
-            let what = format!("{} is to go to {deg:.2} degrees, outside {low} to {high}", self.name);
-            return Err(Trouble::stop(what, "correct limits_deg or the positions in the rig file"));
-        }
-        if deg - backlash_deg < low {
-            let what = format!(
-                "{} comes to {deg:.2} degrees from backlash_deg = {backlash_deg} below, outside {low} to {high}",
-                self.name
-            );
-            return Err(Trouble::stop(what, "leave room below the lowest position in limits_deg"));
-        }
-        Ok(())
-    }
+    /// Where it was sent last, and arrived.
+    arrived: Vec<(usize, f64)>,
 }
 
 impl Grbl {
@@ -151,6 +108,7 @@ impl Grbl {
             moving: false,
             homing: false,
             unsettled: false,
+            arrived: Vec::new(),
         };
         axes.settings = axes.stubbornly(Self::read_settings)?;
         if axes.settings.get(&INCHES).is_some_and(|inches| *inches != 0.0) {
@@ -211,34 +169,6 @@ impl Grbl {
     fn tolerance(&self, axis: &Geared) -> f64 {
         let steps = self.settings.get(&(STEPS + axis.at as u32)).copied().unwrap_or_default();
         if steps > 0.0 { 1.0 / steps + ROUNDING } else { 0.01 }
-    }
-
-    /// The axis that carries the mark: one that the rig does not use.
-    fn marked(&self) -> usize {
-        (0..3).find(|at| self.geared().all(|axis| axis.at != *at)).unwrap_or(2)
-    }
-
-    /// Is the mark there? If not, the board was restarted or reset since positions were made known.
-    fn has_mark(&mut self) -> Result<bool, Upset> {
-        let marked = self.marked();
-        // Seen twice: a damaged number is no restart.
-        for _ in 0..2 {
-            let heard = self.board.command("$#", Patience::Reply)?;
-            let offset = heard.iter().find_map(|said| match said {
-                Said::Offset(name, values) if name == "G92" => values.get(marked).copied(),
-                _ => None,
-            });
-            // Machine less work coordinate; the unused axis stands at what the other offsets say, mostly zero.
-            let Some(offset) = offset else { return Err(Upset::Silent) };
-            if offset != 0.0 {
-                return Ok(true);
-            }
-        }
-        Ok(false)
-    }
-
-    fn need_mark(&mut self) -> Result<(), Upset> {
-        if self.has_mark()? { Ok(()) } else { Err(Upset::Restarted) }
     }
 
     /// State and positions: reported twice alike, so that no damaged number is believed.
@@ -319,56 +249,19 @@ impl Grbl {
             .collect();
         if below.is_empty() && self.is_at(&goals, &at) {
             self.moving = false;
+            self.arrived = goals;
             return Ok(());
         }
+        self.arrived.clear();
         if !below.is_empty() {
             self.run_to(&below)?;
         }
         self.run_to(&goals)?;
+        self.arrived.clone_from(&goals);
         for axis in self.turntable.iter_mut().chain(&mut self.arm) {
             axis.from_below |= goals.iter().any(|(at, _)| *at == axis.at);
         }
         Ok(())
-    }
-
-    /// By the limit switches.
-    fn find_switches(&mut self) -> Result<(), Upset> {
-        if self.board.status()?.state != State::Idle {
-            self.board.reset()?;
-        }
-        (self.moving, self.unsettled, self.homing) = (true, true, true);
-        self.board.command("$H", Patience::Deaf(self.move_limit))?;
-        self.homing = false;
-        self.mark(&[])
-    }
-
-    /// Where the axes stand now is zero degrees.
-    fn declare_zero(&mut self) -> Result<(), Upset> {
-        self.board.left_alone();
-        match self.board.status()?.state {
-            State::Idle => {}
-            State::Alarm => {
-                // The operator has just seen to it that nothing is in the way.
-                self.board.reset()?;
-                if self.board.status()?.state == State::Alarm {
-                    self.board.command("$X", Patience::Reply)?;
-                }
-            }
-            _ => self.board.reset()?,
-        }
-        let zeros: Vec<(usize, f64)> = self.geared().map(|axis| (axis.at, axis.axis.zero)).collect();
-        self.mark(&zeros)?;
-        let at = self.look_at_rest()?;
-        if self.is_at(&zeros, &at) { Ok(()) } else { Err(Upset::Elsewhere) }
-    }
-
-    /// Gives the unused axis its mark, and these axes their work positions.
-    fn mark(&mut self, positions: &[(usize, f64)]) -> Result<(), Upset> {
-        let mut line = format!("G21G92{}{MARK:.3}", LETTERS[self.marked()]);
-        positions.iter().for_each(|(at, units)| line += &format!("{}{units:.3}", LETTERS[*at]));
-        self.board.offset = None;
-        self.board.command(&line, Patience::Reply)?;
-        self.need_mark()
     }
 
     fn names(&self) -> String {
@@ -454,8 +347,20 @@ impl Axes for Grbl {
         Ok(())
     }
 
+    fn confirm(&mut self) -> Result<(), Trouble> {
+        if self.arrived.is_empty() {
+            return Ok(());
+        }
+        self.stubbornly(|axes| {
+            axes.need_mark()?;
+            let at = axes.look_at_rest()?;
+            if axes.is_at(&axes.arrived, &at) { Ok(()) } else { Err(Upset::Elsewhere) }
+        })
+    }
+
     fn nudge(&mut self, by: Place) -> Result<(), Trouble> {
         let moves = [(&self.turntable, by.turntable_deg), (&self.arm, by.arm_deg)];
+        self.arrived.clear();
         let mut line = "G21G91G0".to_owned();
         for (axis, deg) in moves.into_iter().filter_map(|(axis, deg)| axis.as_ref().zip(deg)) {
             line += &format!("{}{:.3}", LETTERS[axis.at], deg * axis.axis.per_deg);
