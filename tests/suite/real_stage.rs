@@ -62,10 +62,7 @@ settle_s = 0.0
 const LAMPS: usize = 48;
 /// As the simulated camera writes them.
 const QUALITY: u8 = 98;
-/// Relative exposure at code 1: time, ISO 100, f-number squared.
-const EXPOSURE: f32 = 0.05 / 64.0;
-
-/// Photographs of a session's field, lamp by lamp, in codes: linear, white at 1.
+/// Photographs of a session's field, lamp by lamp; linear, the sensor's white at 1.
 fn packed(set: &Path, session: &str) -> Vec<Image> {
     let field = set.join(format!("{session}.rfield"));
     succeed(super::capture::tool("pack").arg(set.join(session)).arg("-o").arg(&field));
@@ -74,12 +71,7 @@ fn packed(set: &Path, session: &str) -> Vec<Image> {
     let list = fs::read_to_string(folder.join("lights.lp")).unwrap();
     let files: Vec<PathBuf> =
         list.lines().skip(1).map(|line| folder.join(line.rsplitn(4, ' ').last().unwrap())).collect();
-    let load = |path: &PathBuf| {
-        let mut picture = read(path, Encoding::Auto).unwrap().into_rgb();
-        picture.data_mut().iter_mut().for_each(|v| *v *= EXPOSURE);
-        picture
-    };
-    files.iter().map(load).collect()
+    files.iter().map(|path| read(path, Encoding::Auto).unwrap().into_rgb()).collect()
 }
 
 /// Through the JPEG of a camera, and back.

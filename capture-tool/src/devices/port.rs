@@ -212,7 +212,10 @@ fn cannot_open(name: &str, error: &serialport::Error) -> Trouble {
             };
             Trouble::stop(format!("there is no serial port {name}"), advice)
         }
-        _ => Trouble::stop(format!("{name} cannot be opened as a serial port ({error})"), "check the name in the rig file"),
+        _ => Trouble::stop(
+            format!("{name} cannot be opened as a serial port ({error})"),
+            "check the name in the rig file",
+        ),
     }
 }
 

@@ -158,7 +158,8 @@ impl Grbl {
             false => format!("WPos:{}", words(std::array::from_fn(|n| machine[n] - self.shift[n]))),
         };
         // REPORT_WCO_REFRESH_IDLE_COUNT
-        let offset = if self.reports.is_multiple_of(10) { format!("|WCO:{}", words(self.shift)) } else { String::new() };
+        let offset =
+            if self.reports.is_multiple_of(10) { format!("|WCO:{}", words(self.shift)) } else { String::new() };
         self.reports += 1;
         self.say(&format!("<{word}|{position}|FS:0,0{offset}>"));
     }
@@ -190,7 +191,8 @@ impl Grbl {
             "$H" => {
                 // To the switches, which are where the world's zero is.
                 self.mode = Mode::Normal;
-                let ends = self.world.plan([0.0; AXES], self.duration(self.world.rest(), [0.0; AXES], self.settings.rate));
+                let ends =
+                    self.world.plan([0.0; AXES], self.duration(self.world.rest(), [0.0; AXES], self.settings.rate));
                 self.homing = true;
                 self.slow = Some((ends.max(now), "ok".to_owned()));
             }

@@ -79,9 +79,9 @@ impl Mischief {
         }
         self.answers += 1;
         let mut until = Instant::now();
-        match self.due(|strike| {
-            matches!(strike, Strike::Garbage | Strike::HalfLine | Strike::Late(_) | Strike::LostReply)
-        }) {
+        match self
+            .due(|strike| matches!(strike, Strike::Garbage | Strike::HalfLine | Strike::Late(_) | Strike::LostReply))
+        {
             Some(Strike::Garbage) => {
                 let count = self.rng.random_range(1..40);
                 let noise: Vec<u8> = (0..count).map(|_| self.rng.random()).collect();

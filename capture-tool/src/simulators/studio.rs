@@ -101,7 +101,8 @@ impl Studio {
     /// # Errors
     /// The disk's.
     pub fn photograph(&mut self, seen: &Seen) -> Result<()> {
-        let levels = self.channels.iter().map(|channel| seen.levels.get(*channel).copied().unwrap_or_default()).collect();
+        let levels =
+            self.channels.iter().map(|channel| seen.levels.get(*channel).copied().unwrap_or_default()).collect();
         let shown = Shown { levels, stops: self.stops(seen) };
         if self.shown.as_ref() == Some(&shown) {
             return Ok(());
@@ -144,7 +145,8 @@ impl Studio {
     }
 
     fn write(&self, light: &Image) -> Result<()> {
-        let code = |v: &f32| (srgb::encode((f64::from(*v) * self.exposure).clamp(0.0, 1.0) as f32) * 255.0).round() as u8;
+        let code =
+            |v: &f32| (srgb::encode((f64::from(*v) * self.exposure).clamp(0.0, 1.0) as f32) * 255.0).round() as u8;
         let codes: Vec<u8> = light.data().iter().map(code).collect();
         let mut bytes = Vec::with_capacity(self.length);
         let fail = |source| Error::io("write", &self.file, source);

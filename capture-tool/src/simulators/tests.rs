@@ -32,8 +32,18 @@ fn text_of(world: &World, templates: Templates, strikes: Vec<(u32, Strike)>) -> 
     let board = serve(TextBoard::new(templates.clone(), world.clone()), Mischief::new(strikes, 3)).unwrap();
     let Templates { on, off, all_off, reply, ends } = templates;
     let port = board.path().display().to_string();
-    let device =
-        LampsDevice::Text { port, baud: 9600, on, off, all_off, reply, ends, reply_s: 0.05, first: 0, wiring: wiring() };
+    let device = LampsDevice::Text {
+        port,
+        baud: 9600,
+        on,
+        off,
+        all_off,
+        reply,
+        ends,
+        reply_s: 0.05,
+        first: 0,
+        wiring: wiring(),
+    };
     (board, device)
 }
 
@@ -100,13 +110,19 @@ fn a_lamp_that_does_not_answer_is_named() {
 
 #[test]
 fn lamps_are_lit_through_noise() {
-    let kinds =
-        [Strike::Garbage, Strike::HalfLine, Strike::LostReply, Strike::LostCommand, Strike::Late(Duration::from_millis(70))];
+    let kinds = [
+        Strike::Garbage,
+        Strike::HalfLine,
+        Strike::LostReply,
+        Strike::LostCommand,
+        Strike::Late(Duration::from_millis(70)),
+    ];
     for kind in kinds {
         for after in 0..4 {
             let (dmx_world, text_world) = (World::default(), World::default());
             let (widget, dmx) = dmx_of(&dmx_world, vec![(after, kind), (after + 1, kind)]);
-            let (board, text) = text_of(&text_world, templates(false, Some("OK")), vec![(after, kind), (after + 1, kind)]);
+            let (board, text) =
+                text_of(&text_world, templates(false, Some("OK")), vec![(after, kind), (after + 1, kind)]);
             let mut of_dmx = lights::open(&dmx, 3).unwrap();
             let mut of_text = lights::open(&text, 3).unwrap();
             for levels in SHOWN {

@@ -68,7 +68,11 @@ impl Arguments {
         fs::create_dir_all(&self.at).map_err(|source| Error::io("create", &self.at, source))?;
         let world = World::default();
         let boards = self.boards(&rig, &world)?;
-        anyhow::ensure!(!boards.served.is_empty(), "{}: no device on a serial port to stand in for", self.rig.display());
+        anyhow::ensure!(
+            !boards.served.is_empty(),
+            "{}: no device on a serial port to stand in for",
+            self.rig.display()
+        );
         let mut told = boards.told.join(", ");
         if rig.kind == Kind::Stage && rig.camera.times_s.is_some() {
             let file = self.watch(&rig, &world)?;
@@ -89,7 +93,12 @@ impl Arguments {
         let Some(devices) = &rig.devices else { return Ok(boards) };
         if let Some(AxesDevice::Grbl { port, home, .. }) = &devices.axes {
             let settings = grbl::Settings { homing: *home, ..grbl::Settings::default() };
-            self.link(&mut boards, "axes", port, serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?)?;
+            self.link(
+                &mut boards,
+                "axes",
+                port,
+                serve(grbl::Grbl::new(settings, world.clone()), Mischief::default())?,
+            )?;
         }
         match &devices.lamps {
             Some(LampsDevice::DmxUsbPro { port, .. }) => {

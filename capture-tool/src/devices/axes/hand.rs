@@ -80,8 +80,14 @@ mod tests {
         hand.go(Place { turntable_deg: Some(97.125), arm_deg: Some(30.0) }).unwrap();
         hand.go(Place { turntable_deg: Some(0.0), arm_deg: Some(45.0) }).unwrap();
         let asked = willing.asked.lock().unwrap().clone();
-        assert_eq!(asked[..3], ["turn the table to 0 degrees", "turn the table to 90 degrees", "turn the table to 97.13 degrees"]);
-        assert_eq!(asked[3..], ["lift the arm to 30 degrees", "turn the table to 0 degrees and lift the arm to 45 degrees"]);
+        assert_eq!(
+            asked[..3],
+            ["turn the table to 0 degrees", "turn the table to 90 degrees", "turn the table to 97.13 degrees"]
+        );
+        assert_eq!(
+            asked[3..],
+            ["lift the arm to 30 degrees", "turn the table to 0 degrees and lift the arm to 45 degrees"]
+        );
         assert_eq!(hand.place().unwrap(), Place { turntable_deg: Some(0.0), arm_deg: Some(45.0) });
     }
 }

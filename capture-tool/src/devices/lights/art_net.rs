@@ -107,10 +107,12 @@ impl Carrier for ArtNet {
             ))];
         }
         vec![match self.nodes() {
-            Err(error) => Finding::missing(format!("lamps: nothing can be sent by {name} ({error}); check the network")),
-            Ok(nodes) if nodes.is_empty() => {
-                Finding::fine(format!("lamps: {name}; no node answers a poll, which simple ones do not: look at the lamps"))
+            Err(error) => {
+                Finding::missing(format!("lamps: nothing can be sent by {name} ({error}); check the network"))
             }
+            Ok(nodes) if nodes.is_empty() => Finding::fine(format!(
+                "lamps: {name}; no node answers a poll, which simple ones do not: look at the lamps"
+            )),
             Ok(nodes) => {
                 let told: Vec<String> = nodes.iter().map(|(ip, name)| format!("{name} ({ip})")).collect();
                 Finding::fine(format!("lamps: {name}; nodes: {}", told.join(", ")))

@@ -215,7 +215,8 @@ mod tests {
     fn messages_are_found_behind_and_between_noise() {
         for seed in 0..300 {
             let noise = noise(seed, (seed % 50) as usize);
-            let mut bytes = [&noise[..], &message(GET_SERIAL, &[1, 2, 3, 4]), &message(GET_PARAMETERS, &[9; 5])].concat();
+            let mut bytes =
+                [&noise[..], &message(GET_SERIAL, &[1, 2, 3, 4]), &message(GET_PARAMETERS, &[9; 5])].concat();
             let mut labels = Vec::new();
             while let Some((label, _)) = next_message(&mut bytes) {
                 labels.push(label);

@@ -64,7 +64,9 @@ mod tests {
 
     #[test]
     fn channels_that_are_none_are_refused() {
-        for (channels, lamps, said) in [(&[0u16][..], 1, "channel 0"), (&[513], 1, "channel 513"), (&[1], 2, "2 lamps"), (&[], 513, "channel 513")] {
+        for (channels, lamps, said) in
+            [(&[0u16][..], 1, "channel 0"), (&[513], 1, "channel 513"), (&[1], 2, "2 lamps"), (&[], 513, "channel 513")]
+        {
             let message = Patch::new(&wiring(channels), lamps).unwrap_err().to_string();
             assert!(message.contains(said), "{message}");
         }

@@ -46,8 +46,8 @@ pub fn open(device: &LampsDevice, lamps: usize) -> Result<Streamed, Trouble> {
         Trouble::stop(format!("lamps: no network for sACN ({error})"), "check the network, and from in the rig file")
     };
     // Any free port: a receiver on this machine keeps the usual one to itself. Multicast leaves by the network of its address.
-    let mut source =
-        SacnSource::with_cid_ip(NAME, cid(*universe, host.as_deref()), SocketAddr::new(own, 0)).map_err(|e| wrong(&e))?;
+    let mut source = SacnSource::with_cid_ip(NAME, cid(*universe, host.as_deref()), SocketAddr::new(own, 0))
+        .map_err(|e| wrong(&e))?;
     // Discovery is for consoles; the crate would print where it fails.
     source.set_is_sending_discovery(false);
     source.register_universe(*universe).map_err(|error| {

@@ -87,11 +87,13 @@ impl Streamed {
     /// # Errors
     /// The system's: no thread.
     pub fn new(carrier: impl Carrier, patch: Patch, settle: Duration) -> Result<Self, Trouble> {
-        let state = State { carrier: Box::new(carrier), universe: [0; CHANNELS], begun: false, ends: false, failed: None };
+        let state =
+            State { carrier: Box::new(carrier), universe: [0; CHANNELS], begun: false, ends: false, failed: None };
         let shared = Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new() });
         let theirs = shared.clone();
         let thread = std::thread::Builder::new().name("lamps".to_owned()).spawn(move || theirs.keep_alive());
-        let thread = thread.map_err(|error| Trouble::stop(format!("no thread for the lamps ({error})"), "close other programs"))?;
+        let thread = thread
+            .map_err(|error| Trouble::stop(format!("no thread for the lamps ({error})"), "close other programs"))?;
         Ok(Self { shared, patch, settle, thread: Some(thread) })
     }
 
@@ -129,7 +131,8 @@ impl Lights for Streamed {
         let universe = self.patch.universe(levels)?;
         let failed = self.shared.state().failed.take();
         if let Some(failed) = failed {
-            let what = format!("lamps: {} failed during the photograph before ({failed})", self.shared.state().carrier.name());
+            let what =
+                format!("lamps: {} failed during the photograph before ({failed})", self.shared.state().carrier.name());
             return Err(Trouble::stop(what, "check the network; that photograph can be taken again with --redo"));
         }
         self.send(universe, CHANGES, FRAME)?;

@@ -83,14 +83,12 @@ impl Upset {
                 format!("the board at {port} is locked by an alarm"),
                 format!("see that nothing is in the way; {go_on}"),
             ),
-            Self::Resting(State::Door) => Trouble::stop(
-                format!("the safety door at {port} is open"),
-                "close it, and go on",
-            ),
-            Self::Resting(State::Sleep) => Trouble::stop(
-                format!("the board at {port} sleeps, with its motors off"),
-                format!("reset it; {go_on}"),
-            ),
+            Self::Resting(State::Door) => {
+                Trouble::stop(format!("the safety door at {port} is open"), "close it, and go on")
+            }
+            Self::Resting(State::Sleep) => {
+                Trouble::stop(format!("the board at {port} sleeps, with its motors off"), format!("reset it; {go_on}"))
+            }
             Self::Resting(_) => Trouble::stop(
                 format!("the axes at {port} are held: somebody stopped them"),
                 format!("release or reset the board; {go_on}"),
@@ -204,7 +202,9 @@ impl Board {
                         // It hears again, so that its answer is near, or was lost.
                         State::Idle | State::Alarm if deaf => silent_at = silent_at.min(Instant::now() + self.reply),
                         State::Alarm if asks => return Err(Upset::Alarm(None)),
-                        State::Hold(_) | State::Door | State::Sleep if asks => return Err(Upset::Resting(status.state)),
+                        State::Hold(_) | State::Door | State::Sleep if asks => {
+                            return Err(Upset::Resting(status.state));
+                        }
                         _ => {}
                     }
                 }

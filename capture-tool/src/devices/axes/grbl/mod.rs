@@ -196,8 +196,10 @@ impl Grbl {
             Err(Upset::Restarted) => self.board.command("$$", Patience::Reply)?,
             other => other?,
         };
-        let settings: HashMap<u32, f64> =
-            heard.iter().filter_map(|said| if let Said::Setting(n, v) = said { Some((*n, *v)) } else { None }).collect();
+        let settings: HashMap<u32, f64> = heard
+            .iter()
+            .filter_map(|said| if let Said::Setting(n, v) = said { Some((*n, *v)) } else { None })
+            .collect();
         let needed = self.geared().map(|axis| STEPS + axis.at as u32);
         if needed.chain([INCHES]).any(|n| !settings.contains_key(&n)) {
             return Err(Upset::Silent);
@@ -271,10 +273,12 @@ impl Grbl {
 
     /// Sends the axes to positions in the board's units, and waits until they are there.
     fn run_to(&mut self, goals: &[(usize, f64)]) -> Result<(), Upset> {
-        let speeds = self.geared().filter_map(|axis| axis.axis.speed_deg_s.map(|speed| speed * axis.axis.per_deg.abs()));
+        let speeds =
+            self.geared().filter_map(|axis| axis.axis.speed_deg_s.map(|speed| speed * axis.axis.per_deg.abs()));
         // The feed of a line of two axes is that of neither: none exceeds the least.
         let feed = speeds.fold(None, |least: Option<f64>, speed| Some(least.map_or(speed, |least| least.min(speed))));
-        let mut line = format!("G21G90G94{}{}", if self.home { "G53" } else { "" }, if feed.is_some() { "G1" } else { "G0" });
+        let mut line =
+            format!("G21G90G94{}{}", if self.home { "G53" } else { "" }, if feed.is_some() { "G1" } else { "G0" });
         goals.iter().for_each(|(at, units)| line += &format!("{}{units:.3}", LETTERS[*at]));
         feed.iter().for_each(|speed| line += &format!("F{:.1}", speed * 60.0));
         (self.moving, self.unsettled) = (true, true);
@@ -301,8 +305,7 @@ impl Grbl {
         self.need_mark()?;
         let at = self.look_at_rest()?;
         let wanted = [(&self.turntable, to.turntable_deg), (&self.arm, to.arm_deg)];
-        let wanted: Vec<(&Geared, f64)> =
-            wanted.into_iter().filter_map(|(axis, deg)| axis.as_ref().zip(deg)).collect();
+        let wanted: Vec<(&Geared, f64)> = wanted.into_iter().filter_map(|(axis, deg)| axis.as_ref().zip(deg)).collect();
         let goals: Vec<(usize, f64)> = wanted.iter().map(|(axis, deg)| (axis.at, axis.units(*deg))).collect();
         // From above, or from who knows where: first to below.
         let below: Vec<(usize, f64)> = wanted

@@ -149,10 +149,15 @@ mod tests {
         assert_eq!(Said::of("$100=8.889"), Said::Setting(100, 8.889));
         assert_eq!(Said::of("[GC:G0 G54 G17 G21 G90 G94 M5 M9 T0 F0 S0]"), Said::Modes);
         assert_eq!(Said::of("[G92:0.000,-1.500,92.500]"), Said::Offset("G92".to_owned(), vec![0.0, -1.5, 92.5]));
-        for banner in ["Grbl 1.1h ['$' for help]", "\u{fffd}Grbl 3.7 [FluidNC v3.7 (wifi) '$' for help]", "GrblHAL 1.1f ['$' or '$HELP' for help]"] {
+        for banner in [
+            "Grbl 1.1h ['$' for help]",
+            "\u{fffd}Grbl 3.7 [FluidNC v3.7 (wifi) '$' for help]",
+            "GrblHAL 1.1f ['$' or '$HELP' for help]",
+        ] {
             assert!(matches!(Said::of(banner), Said::Banner(_)), "{banner}");
         }
-        let Said::Status(status) = Said::of("<Hold:0|WPos:1.000,2.000,3.000|Bf:15,128|FS:0,0|WCO:0.000,0.000,1.000>") else {
+        let Said::Status(status) = Said::of("<Hold:0|WPos:1.000,2.000,3.000|Bf:15,128|FS:0,0|WCO:0.000,0.000,1.000>")
+        else {
             panic!("no status")
         };
         assert_eq!((status.state, status.machine), (State::Hold(0), None));
@@ -162,10 +167,28 @@ mod tests {
     #[test]
     fn damaged_lines_are_not_guessed_at() {
         for line in [
-            "o", "k", "okk", "OK", "error:", "error:x", "<Idle|MPos:0.000,0.0", "<Idle|MPos:0.000,0.000,0.0>",
-            "<Idle>", "<Idl|MPos:0.000,0.000,0.000>", "<Idle|MPos:0.000,0.000>", "<Idle|MPos:0.000,NaN,0.000>",
-            "Idle|MPos:0.000,0.000,0.000>", "<Idle|MPos:1.0<Idle|MPos:0.000,0.000,0.000>", "[G92:0.000,0.000]", "[MSG:Caution: Unlocked]",
-            "$100=", "$x=1", "$1=inf", "", "Grbl 1.1h", "<Hold:|MPos:0.000,0.000,0.000>",
+            "o",
+            "k",
+            "okk",
+            "OK",
+            "error:",
+            "error:x",
+            "<Idle|MPos:0.000,0.0",
+            "<Idle|MPos:0.000,0.000,0.0>",
+            "<Idle>",
+            "<Idl|MPos:0.000,0.000,0.000>",
+            "<Idle|MPos:0.000,0.000>",
+            "<Idle|MPos:0.000,NaN,0.000>",
+            "Idle|MPos:0.000,0.000,0.000>",
+            "<Idle|MPos:1.0<Idle|MPos:0.000,0.000,0.000>",
+            "[G92:0.000,0.000]",
+            "[MSG:Caution: Unlocked]",
+            "$100=",
+            "$x=1",
+            "$1=inf",
+            "",
+            "Grbl 1.1h",
+            "<Hold:|MPos:0.000,0.000,0.000>",
         ] {
             assert!(matches!(Said::of(line), Said::Other(_)), "{line}: {:?}", Said::of(line));
         }

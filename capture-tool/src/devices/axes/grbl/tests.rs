@@ -153,7 +153,9 @@ fn noise_and_lost_or_late_answers_are_got_over() {
             let mut grbl = bench.open();
             grbl.home().unwrap();
             for turntable in [0.0, 90.0, 180.0] {
-                bench.go(&mut grbl, turntable, 0.0).unwrap_or_else(|trouble| panic!("{kind:?} after {after}: {trouble}"));
+                bench
+                    .go(&mut grbl, turntable, 0.0)
+                    .unwrap_or_else(|trouble| panic!("{kind:?} after {after}: {trouble}"));
             }
             assert_eq!(bench.board.struck(), [kind]);
         }
@@ -187,7 +189,8 @@ fn what_needs_a_person_is_said() {
 /// A restart whose banner nobody heard is seen all the same.
 #[test]
 fn a_silent_restart_is_seen_by_the_mark() {
-    let bench = bench(Settings { boot: Duration::from_millis(5), ..fast() }, false, axis('X'), vec![(0, Strike::LostCommand)]);
+    let bench =
+        bench(Settings { boot: Duration::from_millis(5), ..fast() }, false, axis('X'), vec![(0, Strike::LostCommand)]);
     let mut grbl = bench.open();
     grbl.home().unwrap();
     bench.go(&mut grbl, 90.0, 0.0).unwrap();
