@@ -41,6 +41,8 @@ use crate::session::Exposure;
 const PENDING: &str = "exposing";
 /// The first photograph shows whether files come in pairs: a second one comes within this time.
 const LEARN: Duration = Duration::from_millis(1500);
+/// A wait that people would wonder about.
+const WORTH_TELLING: Duration = Duration::from_secs(5);
 
 /// How a rig file wants a folder watched.
 #[derive(Debug, Clone)]
@@ -132,6 +134,10 @@ impl FolderCamera {
         // A clock that was put back does not make it longer.
         let left = Duration::from_millis(until.saturating_sub(now_ms())).min(2 * self.within());
         let end = Instant::now() + left;
+        if left > WORTH_TELLING && (self.watch.stems()?.len() as u64) <= files {
+            let seconds = left.as_secs();
+            crate::complain(&format!("note: waiting up to {seconds} s for the file of an exposure that was given up"));
+        }
         while (self.watch.stems()?.len() as u64) <= files && Instant::now() < end {
             progress::check_urgent()?;
             self.watch.wait();
@@ -195,7 +201,8 @@ impl FolderCamera {
         }
         Trouble::stop(
             what,
-            "check that the camera is connected and that its software stores there; a larger within_s waits longer",
+            "check that the camera is connected and that its software stores there, each photograph under a new name; a larger \
+             within_s waits longer",
         )
     }
 
