@@ -124,7 +124,7 @@ fn what(text: &str) -> std::result::Result<What, String> {
         ("gray" | "grey", None) => Err("how much? A share of white's code, as in gray:0.5".to_owned()),
         _ => {
             let path = Path::new(text);
-            if path.exists() {
+            if path.exists() || path.extension().is_some() {
                 return Ok(What::Picture(path.to_owned()));
             }
             let known: Vec<&str> = SETS.iter().map(|(set, _)| *set).collect();
@@ -366,7 +366,7 @@ mod tests {
             ("noise", "noise:1"),
             ("noise:0", "at least 1"),
             ("grid:0", "at least 1"),
-            ("nothing.png", "no such file"),
+            ("nothing", "no such file"),
             ("white:1", "no such file"),
         ] {
             let said = what(bad).unwrap_err();
