@@ -311,8 +311,11 @@ fn wrong(session: &Session) -> Vec<String> {
     wrong.map(|photograph| format!("photograph {} of {}", photograph.number, photograph.condition)).collect()
 }
 
+/// What happens to the axes' board and to the lamps', and when.
+type Strikes = [Vec<(u32, Strike)>; 2];
+
 /// Bad luck of a seed: what happens to the boards and the camera.
-fn luck(rng: &mut Pcg32) -> ([Vec<(u32, Strike)>; 2], Option<(u64, Slip)>) {
+fn luck(rng: &mut Pcg32) -> (Strikes, Option<(u64, Slip)>) {
     let late = Strike::Late(Duration::from_millis(rng.random_range(100..400)));
     let of_axes = [
         Strike::Garbage,

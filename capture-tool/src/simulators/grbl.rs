@@ -233,10 +233,10 @@ impl Grbl {
         for (letter, value) in words {
             match (letter, value) {
                 ('G', v) if v == 0.0 || v == 1.0 => rapid = v == 0.0,
-                ('G', v) if v == 4.0 => dwells = true,
-                ('G', v) if v == 53.0 => machine = true,
+                ('G', 4.0) => dwells = true,
+                ('G', 53.0) => machine = true,
                 ('G', v) if v == 90.0 || v == 91.0 => relative = v == 91.0,
-                ('G', v) if v == 92.0 => shifts = true,
+                ('G', 92.0) => shifts = true,
                 ('G', v) if [17.0, 21.0, 54.0, 94.0].contains(&v) => {}
                 ('F', v) if v > 0.0 => feed = v,
                 ('P', v) if v >= 0.0 => seconds = v,

@@ -100,7 +100,7 @@ impl Mischief {
     }
 
     /// What happens to the board itself, now that it is at work or rests.
-    pub fn to_board(&mut self, working: bool) -> Option<Strike> {
+    pub fn strike_on_the_way(&mut self, working: bool) -> Option<Strike> {
         self.due(|strike| match strike {
             Strike::Reset | Strike::Alarm => working,
             Strike::HangUp => true,

@@ -27,6 +27,8 @@ mod tests;
 pub mod text_board;
 mod world;
 
-pub use mischief::{Mischief, Planned, Strike};
+#[cfg(test)]
+pub use mischief::Strike;
+pub use mischief::{Mischief, Planned};
 pub use served::{Served, serve};
-pub use world::{CHANNELS, Seen, World};
+pub use world::{Seen, World};

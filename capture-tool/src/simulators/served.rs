@@ -91,6 +91,7 @@ impl Served {
     }
 
     /// As in "/dev/pts/7".
+    #[cfg(test)]
     pub fn path(&self) -> &Path {
         Path::new(&self.path)
     }
@@ -170,7 +171,7 @@ impl Line {
 
     /// Gives the answers that are due.
     fn speak(&mut self, board: &mut impl Board) -> std::ops::ControlFlow<()> {
-        match self.mischief().to_board(board.works()) {
+        match self.mischief().strike_on_the_way(board.works()) {
             Some(Strike::Reset) => board.restart(),
             Some(Strike::Alarm) => board.alarm(),
             Some(Strike::HangUp) => {

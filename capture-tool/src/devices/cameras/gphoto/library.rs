@@ -785,7 +785,7 @@ mod tests {
             compiler.is_ok_and(|status| status.success()).then(|| library.to_str().unwrap().to_owned())
         };
         let Some(whole) = build(SYMBOLS, "whole.so") else {
-            eprintln!("skipped: a C compiler absent");
+            crate::complain("skipped: a C compiler absent");
             return;
         };
         assert!(Gphoto::load(&[&whole]).is_ok());
@@ -811,7 +811,7 @@ mod tests {
             }
             Err(absent) => {
                 assert!(!matches!(absent, Absent::Symbol { .. }), "{absent}");
-                eprintln!("skipped: {absent}");
+                crate::complain(&format!("skipped: {absent}"));
             }
         }
     }

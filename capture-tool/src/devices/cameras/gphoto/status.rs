@@ -1,7 +1,7 @@
 //! What is looked at before a capture, and what `relume devices` says of each camera.
 
 use super::Options;
-use super::body::{Body, Storage, Value, Widget};
+use super::body::{Body, Storage, Widget};
 use super::library::Gphoto;
 use super::settings::{self, Dials, Quantity};
 use crate::capture::seconds;
