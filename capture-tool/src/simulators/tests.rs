@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::dmx_widget::DmxWidget;
 use super::text_board::{Templates, TextBoard};
+use super::world::CHANNELS;
 use super::*;
 use crate::devices::lights;
 use crate::rigs::{LampsDevice, Wiring};

@@ -159,6 +159,7 @@ fn describe(widgets: &[Widget], storages: &[Storage]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::cameras::gphoto::Value;
 
     fn widget(name: &str, value: &str, choices: &[&str]) -> Widget {
         Widget {

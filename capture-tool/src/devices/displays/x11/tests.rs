@@ -41,12 +41,11 @@ struct Xvfb {
 
 impl Xvfb {
     /// With a screen such as "640x480x24"; none where the server is not installed, and that is said.
-    #[expect(clippy::print_stderr, reason = "the only voice a test has")]
     fn start(screen: &str, options: &[&str]) -> Option<Self> {
         let mut command = Command::new("Xvfb");
         command.args(["-displayfd", "1", "-nolisten", "tcp", "-noreset", "-screen", "0", screen]).args(options);
         let Ok(mut child) = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn() else {
-            eprintln!("skipped: Xvfb absent");
+            crate::complain("skipped: Xvfb absent");
             return None;
         };
         let mut line = String::new();
