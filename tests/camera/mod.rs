@@ -2,7 +2,7 @@
 //! which the library of this machine drives as if it hung on its USB.
 //!
 //! It is built when a test first asks for it, where there are a C compiler, the library, and a Debian whose source packages can be
-//! fetched; else the test says that it is skipped, and why. Nothing of its code (LGPL-2.1) is in this repository: [`EDITS`] are the
+//! fetched; else the test says that it is skipped, and why. Nothing of its code (LGPL-2.1) is in this repository: `EDITS` are the
 //! few words of it that are changed on the way. The machine's own configuration of apt is only read.
 //!
 //! | variable of the tool's environment | what the camera does |

@@ -49,7 +49,7 @@ pub struct Arguments {
     /// What to show: see below.
     #[arg(value_name = "WHAT", value_parser = what)]
     what: What,
-    /// The rig whose screen shows it ([devices] screen), and whose patterns are meant.
+    /// The rig whose screen shows it (`screen` under `[devices]`), and whose patterns are meant.
     #[arg(long, value_name = "RIG.toml", conflicts_with_all = ["output", "driver"])]
     rig: Option<PathBuf>,
     /// The output, or a part of its name, as `relume devices` lists it [default: the only one].

@@ -5,7 +5,7 @@
 //! | [`Condition`] | what can be asked for |
 //! | [`RigFile`] | a rig as a file says it: `presets/rigs/*.toml`; `check` reads and refuses |
 //! | [`Lamps`] | where the lamps of a stage stand, and at which stop of the turntable each is lit |
-//! | [`Devices`] | which real devices a rig has: the `[devices]` table |
+//! | `Devices` | which real devices a rig has: the `[devices]` table |
 //! | [`Shown`] | what a screen shows under a condition |
 //! | [`Rig`] | the trait that devices, real or virtual, are driven through |
 //! | [`real`] | real axes, lamps and screens, in the one order that is safe |

@@ -36,7 +36,7 @@ channels are lit and where the axes stand. With camera = {driver =
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The rig file, with a [devices] table.
+    /// The rig file, with a table `[devices]`.
     rig: PathBuf,
     /// The folder of the ports and of the camera's card; it may be there already.
     #[arg(long, value_name = "DIR")]

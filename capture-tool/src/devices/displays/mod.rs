@@ -185,7 +185,7 @@ pub fn open(device: &ScreenDevice, texels: (usize, usize)) -> Result<Box<dyn Dis
 /// Opens the output of a rig file.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`open()`].
 pub fn panel(device: &ScreenDevice) -> Result<Box<dyn Panel>, Trouble> {
     match device {
         ScreenDevice::X11 { display, look } => x11::open(display.as_deref(), look),

@@ -2,7 +2,7 @@
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | [`patch`](self::patch) | which channel each lamp is on |
+//! | [`patch`] | which channel each lamp is on |
 //! | [`text`] | lines of text, as home-made domes take them |
 //! | [`dmx_usb_pro`] | an ENTTEC DMX USB Pro |
 //! | [`art_net`] | Art-Net over the network |
