@@ -358,7 +358,11 @@ fn a_peer_understands_our_lamps() {
     symlink(to_olad.theirs.name().unwrap(), devices.join("lamps")).unwrap();
     let _olad = olad(&cable, folder.path(), &devices);
 
-    // It takes the simulated widget for a real one.
+    // It takes the simulated widget for a real one. What it is asked over HTTP before all of it runs it never answers, nor anything after.
+    wait_for("olad's word of a widget", || {
+        fs::read_to_string(path("olad.log")).ok().filter(|log| log.contains("Usb Pro device"))
+    });
+    std::thread::sleep(Duration::from_secs(2));
     let ports = wait_for("olad with the widget", || {
         cable.get("/json/get_ports").filter(|ports| port(ports, "Enttec Usb Pro Device", false).is_some())
     });
