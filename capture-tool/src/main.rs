@@ -1,7 +1,9 @@
-//! `relume`: imports photographs of one lamp at a time, relights them, and looks after `.rfield` files.
+//! `relume`: captures objects under one light after another, relights them, and looks after `.rfield` files.
 //!
 //! Each command goes from raw flags to a checked plan to the work, and returns what is to be said; this file says it and
 //! chooses the exit code: 0, 1 bad input, 2 usage, 130 stopped with Ctrl-C.
+
+#![deny(unsafe_code)]
 
 mod capture;
 mod commands;

@@ -5,6 +5,8 @@
 //! in the library's name (6) stands for. Every handle is owned by a guard before the next call, so that no path leaks; the library itself
 //! is never closed again, for its camera drivers stay registered with the system's loader.
 
+#![allow(unsafe_code)]
+
 use std::ffi::{CStr, CString, c_char, c_float, c_int, c_void};
 use std::fmt;
 use std::ptr::{null, null_mut};
