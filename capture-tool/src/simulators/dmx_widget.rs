@@ -50,7 +50,9 @@ impl DmxWidget {
                 let parameters = [&[44, 1, 9, 1, 40][..], &vec![0; wanted.min(MOST_STORED)]].concat();
                 self.answers.push_back(message(GET_PARAMETERS, &parameters));
             }
+            // At any question but that for its parameters it sends no more and turns its port to input.
             GET_SERIAL => {
+                self.world.light(&[0; CHANNELS]);
                 self.world.publish();
                 self.answers.push_back(message(GET_SERIAL, &SERIAL));
             }

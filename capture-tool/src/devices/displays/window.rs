@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use softbuffer::{Context, Surface};
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
+use winit::error::EventLoopError;
 use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, EventLoop, OwnedDisplayHandle};
 use winit::keyboard::{Key, NamedKey};
@@ -55,10 +56,23 @@ impl Events {
         match builder.build() {
             Ok(events) => Ok(Self(Some(events))),
             Err(error) => Err(Trouble::stop(
-                format!("no window can be opened: {error}"),
+                format!("no window can be opened: {}", reason(&error)),
                 "start relume in a graphical session (on Linux, DISPLAY or WAYLAND_DISPLAY is set there)",
             )),
         }
+    }
+}
+
+/// Why, without the place in winit's source that it begins with.
+fn reason(error: &EventLoopError) -> String {
+    match error {
+        EventLoopError::Os(error) => {
+            let said = error.to_string();
+            said.split_once(".rs:")
+                .and_then(|(_, rest)| rest.split_once(": "))
+                .map_or(said.clone(), |(_, why)| why.to_owned())
+        }
+        other => other.to_string(),
     }
 }
 

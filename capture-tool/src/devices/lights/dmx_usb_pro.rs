@@ -3,8 +3,9 @@
 //! A frame of levels, `7E 06 length(2) 00 ch1 ch2... E7`, is not answered. So behind it goes a question that every widget answers: its
 //! parameters (label 3). Widgets work in order: the answer says that the frame before was taken. With the parameters the widget
 //! sends as many bytes of what users stored in it as it was asked for, each time another number, so that a late answer is not
-//! taken for the next one's. Of widgets that ignore the number, parameters and serial number (label 10) are asked for in
-//! turn. A frame goes out until it is confirmed twice, since behind plain serial lines, which home-made widgets have, bytes of a
+//! taken for the next one's; of widgets that ignore the number what is late is waited out. No other question follows a frame: a
+//! widget stops sending and turns its port to input at any but this one. Frames have all channels, since some widgets take no
+//! other length, and lamps beyond the last one in use would keep what they had. A frame goes out until it is confirmed twice, since behind plain serial lines, which home-made widgets have, bytes of a
 //! frame may get lost and those of the question behind it not.
 
 use std::time::{Duration, Instant};
@@ -24,8 +25,6 @@ const LONGEST: usize = 600;
 const GET_PARAMETERS: u8 = 3;
 const SEND_DMX: u8 = 6;
 const GET_SERIAL: u8 = 10;
-/// Widgets send no shorter frames.
-const LEAST_CHANNELS: usize = 24;
 /// The port is virtual: any speed does; this one is what FTDI's chips start with.
 const BAUD: u32 = 57_600;
 /// Parameters without what users stored: firmware in two bytes, break, mark, rate.
@@ -45,8 +44,6 @@ pub struct DmxUsbPro {
     reply: Duration,
     settle: Duration,
     patch: Patch,
-    /// Channels up to the last one in use.
-    used: usize,
     /// Questions asked.
     asked: usize,
     /// Its answers are as long as was asked for; not known before the first one.
@@ -61,14 +58,12 @@ impl DmxUsbPro {
     pub fn open(device: &LampsDevice, lamps: usize) -> Result<Self, Trouble> {
         let LampsDevice::DmxUsbPro { port, reply_s, wiring } = device else { return Err(mistaken()) };
         let patch = Patch::new(wiring, lamps)?;
-        let used = wiring.channels(lamps).into_iter().max().map_or(0, usize::from).max(LEAST_CHANNELS);
         Ok(Self {
             port: Some(Port::open(port, BAUD)?),
             name: port.clone(),
             reply: seconds(*reply_s),
             settle: seconds(wiring.settle_s),
             patch,
-            used,
             asked: 0,
             counts: None,
         })
@@ -82,12 +77,11 @@ impl DmxUsbPro {
     }
 
     /// Sends levels, until the widget says that it has them.
-    fn send(&mut self, levels: &[u8]) -> Result<(), Trouble> {
-        let frame = message(SEND_DMX, &[&[0], levels].concat());
+    fn send(&mut self, levels: &[u8; CHANNELS]) -> Result<(), Trouble> {
+        let frame = message(SEND_DMX, &[&[0], &levels[..]].concat());
         let mut confirmed = 0;
         for _ in 0..ATTEMPTS {
-            let serial = self.counts == Some(false) && self.asked.is_multiple_of(2);
-            confirmed += usize::from(self.answer(serial, &frame)?.is_some());
+            confirmed += usize::from(self.answer(false, &frame)?.is_some());
             if confirmed == CONFIRMED {
                 return Ok(());
             }
@@ -154,8 +148,7 @@ impl Lights for DmxUsbPro {
 
     fn show(&mut self, levels: &[u8]) -> Result<(), Trouble> {
         let universe = self.patch.universe(levels)?;
-        let used = self.used;
-        self.send(&universe[..used])?;
+        self.send(&universe)?;
         pause(self.settle)
     }
 
