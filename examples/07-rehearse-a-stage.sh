@@ -8,10 +8,10 @@ cargo build --quiet --release -p relume
 relume() { "${CARGO_TARGET_DIR:-target}/release/relume" "$@"; }
 
 sed "s#PORTS#$PWD/$out/ports#" examples/07-stage.toml > "$out/stage.toml"
-relume rig simulate "$out/stage.toml" --at "$out/ports" &
+relume rig simulate "$out/stage.toml" --at "$out/ports" > "$out/ports.log" &
 boards=$!
 trap 'kill $boards' EXIT
-until [ -e "$out/ports/lamps" ]; do sleep 0.1; done
+until grep -q ready "$out/ports.log"; do sleep 0.1; done
 
 relume rig check "$out/stage.toml" --yes
 relume jog "$out/stage.toml" turntable --to 90

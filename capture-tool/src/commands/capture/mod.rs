@@ -39,7 +39,11 @@ Examples:
   relume capture presets/rigs/virtual-monitor.toml --session bare --bare
   relume capture presets/rigs/virtual-gantry.toml --session toys --sampler separable --influence 4
   relume capture --session toys --resume --brute-force 7,12
+  relume capture presets/rigs/stage-devices.toml --session bust
+  relume capture stage.toml --session bust --resume
 
+A rig file with a table [devices] drives real ones: `relume rig check` tries them first, `relume rig simulate` rehearses. Given again with
+--resume, the file may name other ports than the session began with.
 The scene of a virtual rig is computed once and kept in the cache folder (the variable RELUME_CACHE, or the system's).
 Ctrl-C finishes the photograph in flight, switches the lamps off and says how to go on; a second one gives up the photograph in
 flight. Whatever happens, the session keeps every finished photograph. Next: relume pack vase -o vase.rfield";
@@ -48,7 +52,7 @@ flight. Whatever happens, the session keeps every finished photograph. Next: rel
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Arguments {
-    /// The rig file; those in presets/rigs explain every key. Not needed with --resume.
+    /// The rig file; those in presets/rigs explain every key. Not needed with --resume, unless devices are on other ports now.
     rig: Option<PathBuf>,
     /// The session folder: new, or one to go on with.
     #[arg(long, value_name = "DIR")]
