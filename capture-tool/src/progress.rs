@@ -17,6 +17,8 @@ const WATCH: Duration = Duration::from_millis(300);
 
 /// Requests to stop.
 static STOPS: AtomicU32 = AtomicU32::new(0);
+/// Devices that are being switched off.
+static SWITCHING_OFF: AtomicU32 = AtomicU32::new(0);
 /// What the watchdog is told of.
 static SIGNS: AtomicU64 = AtomicU64::new(0);
 /// Devices are on: the second request gives up the step in flight but switches off first.
@@ -60,7 +62,26 @@ pub fn check() -> relume_core::Result<()> {
 /// [`Error::Cancelled`].
 pub fn check_urgent() -> relume_core::Result<()> {
     SIGNS.fetch_add(1, Ordering::Relaxed);
-    if STOPS.load(Ordering::Relaxed) > 1 { Err(Error::Cancelled) } else { Ok(()) }
+    let hurried = STOPS.load(Ordering::Relaxed) > 1 && SWITCHING_OFF.load(Ordering::Relaxed) == 0;
+    if hurried { Err(Error::Cancelled) } else { Ok(()) }
+}
+
+/// While it lives devices are being switched off, which no request to stop cuts short: [`check_urgent`] lets waits go on.
+#[derive(Debug)]
+pub struct SwitchingOff(());
+
+impl SwitchingOff {
+    /// From now on.
+    pub fn begin() -> Self {
+        SWITCHING_OFF.fetch_add(1, Ordering::Relaxed);
+        Self(())
+    }
+}
+
+impl Drop for SwitchingOff {
+    fn drop(&mut self) {
+        SWITCHING_OFF.fetch_sub(1, Ordering::Relaxed);
+    }
 }
 
 /// While it lives, a second Ctrl-C gives up the step in flight in place of the program, so that devices are switched off;

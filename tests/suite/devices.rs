@@ -60,11 +60,22 @@ fn complete(world: &Simulated) {
 
 #[test]
 fn lamps_go_out_however_a_capture_ends() {
-    for (name, code) in [("INT", Some(130)), ("TERM", Some(130)), ("KILL", None), ("STOP", None)] {
+    // The second Ctrl-C gives up the photograph in flight, but not the switching off.
+    for (names, code) in [
+        (&["INT"][..], Some(130)),
+        (&["INT", "INT"], Some(130)),
+        (&["TERM"], Some(130)),
+        (&["KILL"], None),
+        (&["STOP"], None),
+    ] {
+        let name = names.join(" ");
         let world = Simulated::start(RIG);
         let child = begin(&world);
         world.wait_for_lamps(true);
-        signal(&child, name);
+        for name in names {
+            signal(&child, name);
+            std::thread::sleep(Duration::from_millis(30));
+        }
         // A tool that hangs is ended by its watchdog, which then puts the lamps out; one that is killed cannot do it itself either.
         world.wait_for_lamps(false);
         let output = child.wait_with_output().unwrap();

@@ -67,10 +67,9 @@ struct Powered<'a> {
 impl Drop for Powered<'_> {
     fn drop(&mut self) {
         if let Err(trouble) = self.rig.dark() {
-            self.log.line(&format!("the lamps could not be switched off: {trouble}"));
-            crate::complain(&format!(
-                "warning: the lamps could not be switched off: {trouble}; switch them off by hand"
-            ));
+            let said = format!("the rig could not be switched off as it should: {trouble}");
+            self.log.line(&said);
+            crate::complain(&format!("warning: {said}; switch off by hand what is still on"));
         }
     }
 }

@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use super::values;
 use crate::devices::operator::AtTerminal;
 use crate::devices::{Axes, Operator, Place, Trouble, axes};
+use crate::progress::{DevicesOn, SwitchingOff};
 use crate::rigs::RigFile;
 
 const EXAMPLES: &str = "\
@@ -64,9 +65,12 @@ impl Arguments {
         if let Some(missing) = ready.iter().find(|finding| !finding.fine) {
             anyhow::bail!("{}", missing.text);
         }
+        let _on = DevicesOn::begin();
         let moved = self.moved(&mut *axes);
         // Whatever happened, nothing goes on moving.
+        let unhurried = SwitchingOff::begin();
         let held = axes.hold();
+        drop(unhurried);
         moved?;
         let place = axes.place();
         held?;

@@ -13,6 +13,7 @@ use super::{Condition, Rig, RigFile, Shown, StageRig};
 use crate::capture::Step;
 use crate::capture::patterns::Sets;
 use crate::devices::{Axes, Display, Finding, Lights, Operator, Place, Trouble, axes, displays, lights};
+use crate::progress::SwitchingOff;
 
 /// What stands in the object's place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,6 +78,7 @@ impl Parts {
     /// # Errors
     /// The operator must switch off by hand.
     pub fn dark(&mut self) -> Result<(), Trouble> {
+        let _unhurried = SwitchingOff::begin();
         let lights = self.lights.as_mut().map_or(Ok(()), |lights| lights.dark());
         let display = self.display.as_mut().map_or(Ok(()), |(display, _)| display.dark());
         let axes = self.axes.as_mut().map_or(Ok(()), |axes| axes.hold());

@@ -12,10 +12,12 @@ use relume_core::image::{Image, read_codes};
 use super::super::{jog, values};
 use crate::capture::patterns::Sets;
 use crate::capture::seconds;
+use crate::devices::lights::PutOut;
 use crate::devices::operator::{AtTerminal, Willing};
 use crate::devices::{
     Axes, Camera, Display, Finding, Lights, Operator, Place, Trouble, axes, cameras, displays, lights,
 };
+use crate::progress::DevicesOn;
 use crate::rigs::{CameraDevice, Condition, RigFile, Shown};
 use crate::session::Exposure;
 use crate::watchdog::Watchdog;
@@ -97,7 +99,7 @@ impl Arguments {
             "--photograph: the rig's camera is virtual"
         );
         let operator: Arc<dyn Operator> = if self.yes { Arc::new(Willing::default()) } else { Arc::new(AtTerminal) };
-        let _watchdog = Watchdog::start(&rig)?;
+        let (_watchdog, _on) = (Watchdog::start(&rig)?, DevicesOn::begin());
         let mut bench = Bench { flags: &self, rig: &rig, operator, rows: Vec::new() };
         bench.try_all()?;
         let table = table(&bench.rows);
@@ -125,22 +127,24 @@ impl Bench<'_> {
             .then(|| cameras::open(&devices.camera, &std::env::temp_dir(), &self.operator));
         let mut camera = self.opened("camera", camera, |camera| camera.preflight());
         let lights = devices.lamps.as_ref().map(|lamps| lights::open(lamps, self.rig.bulbs()));
-        let mut lights = self.opened("lamps", lights, |lights| lights.preflight());
+        let lights = self.opened("lamps", lights, |lights| lights.preflight());
+        // Out on every way from here, Ctrl-C too.
+        let mut lights = lights.map(PutOut);
         let display = devices.screen.as_ref().map(|screen| displays::open(screen, self.rig.texels()?));
         let mut display = self.opened("screen", display, |display| display.preflight());
         let axes = devices.axes.as_ref().filter(|_| !self.flags.no_axes).map(|axes| axes::open(axes, &self.operator));
         let mut axes = self.opened("axes", axes, |axes| axes.preflight());
         if let Some(lights) = &mut lights {
-            self.flash(&mut **lights)?;
+            self.flash(&mut *lights.0)?;
         }
         if let Some(axes) = &mut axes {
             self.move_a_little(&mut **axes)?;
         }
         if let Some(camera) = &mut camera {
-            self.photograph(&mut **camera, lights.as_deref_mut(), display.as_deref_mut())?;
+            self.photograph(&mut **camera, lights.as_mut().map(|lights| &mut *lights.0), display.as_deref_mut())?;
         }
         if let Some(lights) = &mut lights {
-            let off = patiently(|| lights.dark()).map(|()| "off".to_owned());
+            let off = patiently(|| lights.0.dark()).map(|()| "off".to_owned());
             self.row("lamps at the end", off)?;
         }
         Ok(())

@@ -10,6 +10,7 @@
 //! | `stream` | what networks want: the same levels again and again |
 
 use super::{Finding, Trouble};
+use crate::progress::SwitchingOff;
 use crate::rigs::LampsDevice;
 
 pub mod art_net;
@@ -44,6 +45,18 @@ pub trait Lights {
     /// # Errors
     /// The operator must switch off by hand.
     fn dark(&mut self) -> Result<(), Trouble>;
+}
+
+/// Lamps that go out when this is dropped, whatever happened before.
+pub struct PutOut(pub Box<dyn Lights>);
+
+impl Drop for PutOut {
+    fn drop(&mut self) {
+        let _unhurried = SwitchingOff::begin();
+        if let Err(trouble) = self.0.dark() {
+            crate::complain(&format!("warning: {trouble}; if lamps are on, switch them off by hand"));
+        }
+    }
 }
 
 /// Opens the lamps of a rig file, of which there are so many.
