@@ -164,7 +164,7 @@ pub enum LampsDevice {
         /// A board that does not answer for so long is lost, seconds.
         #[serde(default = "second")]
         reply_s: f64,
-        /// What the board calls the first lamp.
+        /// What the board calls the first lamp, where `channel_of` is left out: the others follow.
         #[serde(default)]
         first: i64,
         /// What every lamp has in common.
@@ -219,7 +219,7 @@ pub enum LampsDevice {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Wiring {
     /// The channel (DMX: 1 to 512; text: the board's number) of each physical lamp, in the order of [stage.lamps]: of an arc from the
-    /// horizon up. Left out: 1, 2, 3...
+    /// horizon up. Left out: 1, 2, 3... (text: from `first` on).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub channel_of: Vec<u16>,
     /// The level of a lamp that is on.
